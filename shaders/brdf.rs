@@ -1,8 +1,9 @@
-//! Rust twin of `brdf.wgsl`: whole reflectances in textbook form, and a quadrature rule for them.
+//! Rust twin of `brdf.wgsl`: complete BRDFs in textbook form, and a quadrature rule for their integrals.
 //!
-//! Directions are in the local frame, in which +Z is the normal. `v` and `l` are unit vectors. A BRDF is in 1/sr and
-//! has no cosine. A density is in 1/sr. BRDF and density are 0 where `v` or `l` is at or below the horizon. `f0` and
-//! `albedo` are reflectances per channel. `alpha` is a width in (0, 1].
+//! Directions are in the local frame, in which +Z is the normal. `v` and `l` are unit vectors. A BRDF is in 1/sr, and
+//! doesn't contain the cosine of `l`. The probability density of a direction is in 1/sr. BRDF and density are 0 where
+//! `v` or `l` is at or below the horizon. `f0` and `albedo` are reflectances per channel. `alpha` is the width of the
+//! distribution of normals, in (0, 1].
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -23,7 +24,7 @@ pub fn lambert_sample(u: DVec2) -> DVec3 {
     sampling::cosine_hemisphere(u)
 }
 
-/// Computes the density cos / pi.
+/// Computes the density of a direction that `lambert_sample` returns: cos / pi.
 #[must_use]
 pub fn lambert_pdf(l: DVec3) -> f64 {
     l.z.max(0.0) / PI
@@ -95,8 +96,8 @@ pub fn cook_torrance_pdf(alpha: f64, v: DVec3, l: DVec3) -> f64 {
     distribution::beckmann_from_vectors(alpha, DVec3::Z, h) * h.z / (4.0 * v_dot_h(v, l))
 }
 
-/// Computes the BRDF of Gotanda 2010, eq. 4 to 6, with 2^(-n/2) instead of the printed 2^(n/2), and with the specular
-/// part outside of R_d / pi.
+/// Computes the BRDF of Gotanda 2010, eq. 4 to 6, with 2^(-n/2) instead of the printed 2^(n/2), and without the printed
+/// factor R_d / pi before the specular part.
 #[must_use]
 pub fn tri_ace_eval(albedo: DVec3, f0: DVec3, exponent: f64, v: DVec3, l: DVec3) -> DVec3 {
     if !above_horizon(v, l) {
@@ -110,7 +111,7 @@ pub fn tri_ace_eval(albedo: DVec3, f0: DVec3, exponent: f64, v: DVec3, l: DVec3)
 }
 
 /// Samples a direction. For u.x < 1/2 the direction is cosine-distributed. Otherwise `v` is mirrored at a normal with
-/// cos = (1 - u.y)^(1 / (n + 1)), and u.y must be below 1. Both cases stretch u.x to 0..=1.
+/// cos = (1 - u.y)^(1 / (n + 1)), and u.y must be below 1. In both cases, u.x is scaled to 0..=1 before its use.
 #[must_use]
 pub fn tri_ace_sample(exponent: f64, v: DVec3, u: DVec2) -> DVec3 {
     if u.x < 0.5 {
@@ -121,7 +122,8 @@ pub fn tri_ace_sample(exponent: f64, v: DVec3, u: DVec2) -> DVec3 {
     mirrored(v, sampling::turned(2.0 * u.x - 1.0, sin, log_cos.exp()))
 }
 
-/// Computes the density: the mean of cos / pi and of (n + 1) / (2 pi) (N.H)^n / (4 V.H).
+/// Computes the density of a direction that `tri_ace_sample` returns: the mean of cos / pi and of (n + 1) / (2 pi)
+/// (N.H)^n / (4 V.H).
 #[must_use]
 pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
     if !above_horizon(v, l) {
@@ -132,13 +134,13 @@ pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
     f64::midpoint(lambert_pdf(l), specular)
 }
 
-/// Returns directions `l` above the horizon with their weights in sr, for integrals over the hemisphere: the sum of
-/// weight times function value. The rule is exact enough for smooth functions, and for lobes of width `alpha` around
-/// the mirror direction of `v`.
+/// Returns directions `l` above the horizon with their weights in sr, for integrals over the hemisphere. The sum of
+/// f(l) times weight is the integral of f. The rule is accurate for smooth functions, and for lobes of width `alpha`
+/// around the mirror direction of `v`.
 ///
 /// The points of the rule are half vectors; dl = 4 V.H dh. For each azimuth, the polar angle of the half vectors ends
-/// where `l` meets the horizon, because a rule across an edge can't be of high order. `v` must be above the horizon.
-/// The integrand must be symmetric about the plane of `v` and the normal, as a BRDF is.
+/// where `l` meets the horizon, because a quadrature rule loses its accuracy at a jump of the integrand. `v` must be
+/// above the horizon. The integrand must be symmetric about the plane of `v` and the normal, as a BRDF is.
 #[must_use]
 pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(DVec3, f64)> {
     let sin_v = v.x.hypot(v.y);
@@ -148,13 +150,13 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
     })
 }
 
-/// Half vectors, and `v` mirrored at each half vector. The half vectors go up to the polar angle `limit`, a function of
-/// the azimuth's cosine.
+/// Returns the points of the rule: `v` mirrored at half vectors, with weights. The half vectors go up to the polar
+/// angle `limit`, a function of the azimuth's cosine.
 ///
-/// theta = alpha sinh(y) spreads a lobe and its tail evenly: the rule has `rings` Gauss-Legendre points in y. Each
-/// quarter of azimuth has `spokes` points. The points are denser at right angles to the plane of `v`, where a grazing
-/// view makes the limit steep. The integrand is symmetric about that plane, so the azimuths cover only half a turn,
-/// with twice the weight. The half vectors lie alternately on both sides of the plane.
+/// The rule has `rings` Gauss-Legendre points in y, where theta = alpha sinh(y). So the points cover both a lobe and
+/// its tail. Each quarter of azimuth has `spokes` points. The points are denser at right angles to the plane of `v`,
+/// where a grazing view makes the limit steep. The integrand is symmetric about that plane, so the azimuths cover only
+/// 180 degrees, with twice the weight. The half vectors lie alternately on both sides of the plane.
 fn sweep(
     alpha: f64,
     v: DVec3,
@@ -186,7 +188,7 @@ fn sweep(
 }
 
 /// Computes the integral of `f` over the directions above the horizon. The rule is fine enough for lobes of width 0.01
-/// seen at 89 degrees: its error is at most 1e-5, or 1e-3 where G of the V-cavity has edges.
+/// seen at 89 degrees: its relative error is at most 1e-5, or 1e-3 for Cook and Torrance's G, which has kinks.
 #[must_use]
 pub fn integral(alpha: f64, v: DVec3, f: impl Fn(DVec3) -> f64) -> f64 {
     half_vector_rule(alpha, v, 40, 40).into_iter().map(|(l, weight)| f(l) * weight).sum()
@@ -222,8 +224,8 @@ mod tests {
         DVec3::new(0.6 * sin, -0.8 * sin, cos)
     }
 
-    /// The solid angle of the sampled directions, divided by the area of their random numbers `u`, by central
-    /// differences. The quotient is 1 / density.
+    /// The solid angle of the sampled directions, divided by the area of their random numbers around `u`, from central
+    /// differences. This quotient is 1 / density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);

@@ -37,15 +37,15 @@ impl Setup {
     }
 }
 
-/// Returns the direction, of any length, in which a camera sees the point `ndc`: from the point on the near plane to
-/// the point on the far plane, by the inverse projection.
+/// Returns the direction in which a camera sees the point `ndc`: the vector from the near plane to the far plane, by
+/// the inverse of the matrix. The vector isn't normalised.
 #[must_use]
 pub fn view_direction(view_projection: DMat4, ndc: DVec2) -> DVec3 {
     let inverse = view_projection.inverse();
     inverse.project_point3(ndc.extend(1.0)) - inverse.project_point3(ndc.extend(0.0))
 }
 
-/// Returns corner `index` of the triangle that covers the frame. The frame spans [-1, 1] in both directions.
+/// Returns corner `index` of the triangle that covers the frame. The frame covers [-1, 1] in x and y.
 #[must_use]
 pub fn covering_corner(index: u32) -> DVec2 {
     [DVec2::NEG_ONE, DVec2::new(3.0, -1.0), DVec2::new(-1.0, 3.0)][index as usize % 3]

@@ -1,4 +1,4 @@
-//! Rust twin of `compensation.wgsl`: compensation for light that a single reflection loses.
+//! Rust twin of `compensation.wgsl`: adds the light of multiple reflections, which a model of single reflections loses.
 
 use glam::{DVec2, DVec3};
 
@@ -15,7 +15,8 @@ pub fn compensated(f0: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + light * f0 * (1.0 - furnace) / furnace
 }
 
-/// Computes the model of Kulla and Conty 2017: the interface leaves 1 - E of the light for the pigment.
+/// Computes the model of Kulla and Conty 2017: the specular interface reflects the part E of the light, and the diffuse
+/// layer below gets 1 - E.
 #[must_use]
 pub fn coupled(f0: DVec3, diffuse: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + (DVec3::ONE - directional_albedo(f0, table)) * diffuse
@@ -26,7 +27,8 @@ mod tests {
     use super::*;
     use crate::specular::{estimate, split_sum_table};
 
-    /// With both kinds of compensation a furnace is white, for each width and view.
+    /// In a white environment, a metal with `compensated` and a plastic with `coupled` reflect radiance 1, for each
+    /// width and view.
     #[test]
     fn furnaces_are_white() {
         for alpha in [0.0, 0.05, 0.3, 0.5, 1.0] {

@@ -62,8 +62,8 @@ fn ggx_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     alpha * alpha / (PI * cos.powi(4) * (alpha * alpha + tan2).powi(2))
 }
 
-/// The density of slopes, divided by cos^4. It is 0 where the exponential is below 1e-300, because the quotient can't
-/// be computed at the horizon.
+/// The density of slopes, divided by cos^4. Where the exponential is below 1e-300, the function returns 0, because the
+/// quotient is 0 / 0 at the horizon.
 fn beckmann_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     let slope = tan2 / (alpha * alpha);
     if slope > 690.0 {
@@ -86,8 +86,8 @@ fn tan2_between(n: DVec3, h: DVec3) -> f64 {
 mod tests {
     use super::*;
 
-    /// The integral of D cos over the hemisphere by the midpoint rule in the logarithm of tan / scale: the integrand
-    /// vanishes exponentially at both ends, so the rule converges exponentially.
+    /// The integral of D cos over the hemisphere, by the midpoint rule in ln(tan / scale). The integrand vanishes
+    /// exponentially at both ends, so the rule converges exponentially.
     fn projected_area(scale: f64, d: impl Fn(f64) -> f64) -> f64 {
         let (nodes, first, step) = (1200, -20.0, 0.05);
         let sum: f64 = (0..nodes)

@@ -11,8 +11,8 @@ pub const FACES: usize = 6;
 /// except 0.
 ///
 /// The studio has features that distinguish materials: broad dim light for the diffuse term, two soft boxes with edges
-/// that blur with roughness, and a sun 50 times as bright as white, for a large dynamic range. Every edge is smooth
-/// over several degrees, so a cube map with faces of 64 x 64 texels shows the edges without aliasing.
+/// that blur with roughness, and a sun 50 times as bright as white, for a large dynamic range. Each edge fades over
+/// several degrees, so a cube map with faces of 64 x 64 texels shows the edges without aliasing.
 #[must_use]
 pub fn studio(direction: DVec3) -> DVec3 {
     let d = direction.normalize();
@@ -38,8 +38,8 @@ pub fn studio(direction: DVec3) -> DVec3 {
 
 /// A warm lamp: its radiance is 50 at the centre, and falls smoothly to 0 at 16 degrees.
 ///
-/// 64 directions on the hemisphere are about 18 degrees apart. A sun of a few degrees would lie between them, and each
-/// diffuse sphere would show 64 copies of the sun.
+/// If a shader samples 64 directions on the hemisphere, they are about 18 degrees apart. A sun of a few degrees would
+/// lie between these directions, and each diffuse sphere would show 64 copies of the sun.
 fn sun(d: DVec3) -> DVec3 {
     let radiance = 50.0 * DVec3::new(1.0, 0.84, 0.62);
     let centre = DVec3::new(0.35, 0.75, 0.55).normalize();
@@ -56,7 +56,7 @@ struct SoftBox {
 }
 
 impl SoftBox {
-    /// The width of the edges at distance 1: about 4 degrees.
+    /// Half the width of an edge's ramp at distance 1: about 4 degrees.
     const EDGE: f64 = 0.07;
 
     fn seen_from_centre(&self, d: DVec3) -> DVec3 {
@@ -74,7 +74,7 @@ impl SoftBox {
     }
 }
 
-/// Rises from 0 at `from` to 1 at `to` as a cosine, so the slope is continuous.
+/// Rises from 0 at `from` to 1 at `to` in the form of a cosine, so the slope is continuous.
 fn ramp(from: f64, to: f64, x: f64) -> f64 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     (t * FRAC_PI_2).sin().powi(2)
@@ -106,7 +106,7 @@ pub fn cube_map(size: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<[f32; 4]> {
 ///
 /// # Panics
 ///
-/// If `face` isn't below 6.
+/// Panics if `face` isn't below 6.
 #[must_use]
 pub fn face_direction(face: usize, u: f64, v: f64) -> DVec3 {
     let (s, t) = (2.0 * u - 1.0, 2.0 * v - 1.0);
@@ -131,8 +131,8 @@ karat::shareable! {
     }
 }
 
-/// Converts a direction to the face and (s, t), as a sampler does: the table in Vulkan 1.3, section 16.5.4, and the
-/// equations in 16.5.5. On edges Z takes precedence over Y, and Y over X.
+/// Converts a direction to a face and a position on it, as a sampler does: by the table in Vulkan 1.3, section 16.5.4,
+/// and the equations in 16.5.5. On edges Z takes precedence over Y, and Y over X.
 #[must_use]
 pub fn face_point(r: DVec3) -> FacePointMirror {
     let major = r.abs().max_element();
@@ -169,8 +169,8 @@ pub fn equirectangular_direction(uv: DVec2) -> DVec3 {
     DVec3::new(longitude.sin() * latitude.cos(), latitude.sin(), longitude.cos() * latitude.cos())
 }
 
-/// Returns the vector from `centre` to the point at which a ray leaves a box. As in Kay and Kajiya 1986, a ray is in a
-/// box while it is in all three slabs, so it leaves the box where it leaves the first slab.
+/// Returns the vector from `centre` to the point at which a ray leaves a box. As in Kay and Kajiya 1986, a box is the
+/// intersection of three slabs, so a ray leaves the box where the ray first leaves a slab.
 ///
 /// `position` and `centre` are in the box. A ray parallel to a slab never leaves the slab.
 #[must_use]
@@ -190,8 +190,8 @@ pub fn parallax_box(
     position + leave * direction - centre
 }
 
-/// Solves (d.d) t^2 + 2 (q.d) t + q.q - r^2 = 0 with q = position - centre for the greater t, by the quadratic formula.
-/// `position` is in the sphere.
+/// Returns the vector from `centre` to the point at which a ray leaves a sphere: q + t d, where q = position - centre.
+/// t is the greater solution of (d.d) t^2 + 2 (q.d) t + q.q - r^2 = 0. `position` is in the sphere.
 #[must_use]
 pub fn parallax_sphere(position: DVec3, direction: DVec3, centre: DVec3, radius: f64) -> DVec3 {
     let q = position - centre;

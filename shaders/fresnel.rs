@@ -61,10 +61,11 @@ pub fn schlick_average(f0: DVec3) -> DVec3 {
 
 /// Computes int F d(cos^2) for `eta` > 0, by quadrature of the exact `dielectric`.
 ///
-/// Beyond the critical angle F is 1. The rest of the range of cos^2 is mapped to a share s in 0..=1. The integral over
-/// this rest is a trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 in a range of cos^2 that is only
-/// |eta^2 - 1| wide, and the logarithm resolves this range as well as any other range. The error of the sum falls as
-/// exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity is at least pi away.
+/// Beyond the critical angle F is 1. On the rest of the range of cos^2, the function computes a trapezoidal sum over
+/// ln(s / (1 - s)), where s goes from 0 to 1 over this rest. Near eta = 1, F falls from 1 within a range of cos^2 whose
+/// width is only the distance of eta^2 from 1. The logarithm resolves this range as well as any other range. The error
+/// of the sum falls as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity is at
+/// least pi away.
 #[must_use]
 pub fn dielectric_average(eta: f64) -> f64 {
     const STEP: f64 = 0.5; // 1e-17
@@ -177,7 +178,8 @@ mod tests {
         }
     }
 
-    /// The closed form of Duntley 1942, for eta > 1. Near 1 its terms cancel, so it is useless there.
+    /// The closed form of Duntley 1942, for eta > 1. Near eta = 1, the terms cancel, so the closed form is useless
+    /// there.
     fn duntley(n: f64) -> f64 {
         let n2 = n * n;
         let (plus, minus) = (n2 + 1.0, n2 * n2 - 1.0);

@@ -1,7 +1,7 @@
 //! Rust twin of `geometry.wgsl`: masking and shadowing of microfacets in textbook form.
 //!
-//! Results are shares in 0..=1. `n_dot_x` and `v_dot_h` are cosines in 0..=1. `alpha` is the width of GGX or Beckmann,
-//! in (0, 1].
+//! Results are shares in 0..=1, except those of the two `visibility` functions. `n_dot_x` and `v_dot_h` are cosines in
+//! 0..=1. `alpha` is the width of GGX or Beckmann, in (0, 1].
 
 use std::f64::consts::PI;
 
@@ -57,7 +57,7 @@ pub fn smith_correlated_visibility(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f6
 }
 
 /// Computes the product of Schlick's G1 = c / (c (1 - k) + k) for both directions, with k = alpha / 2: Karis 2013,
-/// "Specular G". Divided by c, G1 is 1 / (1 + k (1 / c - 1)).
+/// "Specular G". The function divides numerator and denominator by c: G1 = 1 / (1 + k (1 / c - 1)).
 #[must_use]
 pub fn smith_schlick_ggx(alpha: f64, n_dot_v: f64, n_dot_l: f64) -> f64 {
     let g1 = |c: f64| if c <= 0.0 { 0.0 } else { 1.0 / (1.0 + 0.5 * alpha * (1.0 / c - 1.0)) };
@@ -75,7 +75,7 @@ pub fn smith_g1_beckmann(alpha: f64, n_dot_x: f64) -> f64 {
     2.0 / (1.0 + libm::erf(a) + (-a * a).exp() / (a * PI.sqrt()))
 }
 
-/// Heitz 2014, eq. 72, with 1 / a^2 = alpha^2 tan^2.
+/// Computes Lambda of GGX: Heitz 2014, eq. 72, with 1 / a^2 = alpha^2 tan^2.
 fn lambda(alpha: f64, n_dot_x: f64) -> f64 {
     0.5 * ((1.0 + alpha * alpha * tan2(n_dot_x)).sqrt() - 1.0)
 }

@@ -1,7 +1,7 @@
 //! Rust twin of `irradiance.wgsl`: light from an environment, reflected by a Lambertian.
 //!
-//! All functions return E / pi in W/(m^2 sr), the radiance of a white Lambertian with unit normal `n`. `radiance` is
-//! the light from a unit direction. If `radiance` also gets a level, it returns the mean over texels of that mip level.
+//! Irradiance is returned as E / pi in W/(m^2 sr), the radiance of a white Lambertian with unit normal `n`. `radiance`
+//! is the light from a unit direction. The second argument of `radiance` in `filtered_estimate` is a mip level.
 //! `linear` and `cosine_lobe` are closed forms for special environments.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
@@ -108,8 +108,8 @@ pub fn texel_direction(size: u32, i: u32) -> DVec3 {
     face_direction(face as usize, centre(column), centre(row))
 }
 
-/// Computes the solid angle per area of the cube of side 2 at its point `d`: cos / r^2, with the cosine to the face's
-/// axis.
+/// Computes the solid angle per area of a cube's surface, at the point `d` of the cube of side 2: cos / r^2, where cos
+/// is the cosine of the angle between `d` and the face's axis.
 #[must_use]
 pub fn texel_density(d: DVec3) -> f64 {
     let cosine = d.normalize().abs().max_element();
@@ -122,8 +122,8 @@ pub type Coefficients<T> = [T; 9];
 const HARMONICS: [(u32, i32); 9] =
     [(0, 0), (1, -1), (1, 0), (1, 1), (2, -2), (2, -1), (2, 0), (2, 1), (2, 2)];
 
-/// Computes the harmonics by their definition (Sloan 2008): K P_l^|m|(cos theta), times sqrt 2 cos(m phi) for m > 0,
-/// and times sqrt 2 sin(|m| phi) for m < 0. The definition here has no phase (-1)^m, so all signs are positive, as in
+/// Computes the real spherical harmonics by their definition (Sloan 2008): K P_l^|m|(cos theta), times sqrt 2 cos(m
+/// phi) for m > 0, and times sqrt 2 sin(-m phi) for m < 0. Without the phase (-1)^m, all signs are positive, as in
 /// Ramamoorthi and Hanrahan 2001.
 #[must_use]
 pub fn sh_basis(d: DVec3) -> Coefficients<f64> {
@@ -153,7 +153,7 @@ pub fn sh_basis(d: DVec3) -> Coefficients<f64> {
 }
 
 /// Computes Ramamoorthi and Hanrahan 2001, eq. 10: the sum of L Y over the texels of a cube map with faces `size`
-/// texels wide. Solid angles are scaled to a sum of 4 pi.
+/// texels wide. The function scales the texels' solid angles so that their sum is 4 pi.
 #[must_use]
 pub fn sh_project(size: u32, radiance: &dyn Fn(DVec3) -> DVec3) -> Coefficients<DVec3> {
     let sphere: f64 = texels(size).map(|(_, solid_angle)| solid_angle).sum();
@@ -167,7 +167,7 @@ pub fn sh_project(size: u32, radiance: &dyn Fn(DVec3) -> DVec3) -> Coefficients<
     coefficients
 }
 
-/// Computes Ramamoorthi and Hanrahan 2001, eq. 7: E is the sum of A_l L_lm Y_lm, with A of eq. 8.
+/// Computes E / pi by Ramamoorthi and Hanrahan 2001, eq. 7: E is the sum of A_l L_lm Y_lm, with A_l from eq. 8.
 #[must_use]
 pub fn sh_irradiance(coefficients: Coefficients<DVec3>, n: DVec3) -> DVec3 {
     let terms = HARMONICS.iter().zip(coefficients).zip(sh_basis(n));
@@ -175,7 +175,7 @@ pub fn sh_irradiance(coefficients: Coefficients<DVec3>, n: DVec3) -> DVec3 {
 }
 
 /// Computes A_l, the factor by which a clamped cosine scales band `l` of the light. Ramamoorthi and Hanrahan 2001, eq.
-/// 8: pi, 2 pi / 3 and pi / 4 for bands 0 to 2. Higher odd bands have 0, and even bands have 2 pi (-1)^(l/2 - 1) /
+/// 8: pi, 2 pi / 3 and pi / 4 for bands 0 to 2. For higher odd l, A_l is 0. For even l, A_l is 2 pi (-1)^(l/2 - 1) /
 /// ((l + 2) (l - 1)) l! / (2^l (l/2)!^2).
 #[must_use]
 pub fn cosine_coefficient(l: u32) -> f64 {
@@ -193,13 +193,14 @@ pub fn cosine_coefficient(l: u32) -> f64 {
     }
 }
 
-/// Computes a Lambertian's radiance, f E, with f = colour / pi. The irradiance E is pi times the stored value.
+/// Computes a Lambertian's radiance, f E, with f = colour / pi. The irradiance E is pi times `irradiance_over_pi`.
 #[must_use]
 pub fn lambert(colour: DVec3, irradiance_over_pi: DVec3) -> DVec3 {
     colour * FRAC_1_PI * (irradiance_over_pi * PI)
 }
 
-/// Computes the closed form for an environment with radiance `mean` + `gradient` . d: the gradient counts 2/3.
+/// Computes the closed form for an environment with radiance `mean` + `gradient` . d: the result is `mean` + 2/3
+/// `gradient` . n.
 #[must_use]
 pub fn linear(n: DVec3, mean: f64, gradient: DVec3) -> f64 {
     mean + 2.0 / 3.0 * gradient.dot(n)
@@ -214,7 +215,7 @@ pub fn cosine_lobe(n: DVec3, axis: DVec3) -> f64 {
     2.0 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos())
 }
 
-/// The direction at the polar angle `theta` from `n`, and at the azimuth `phi` plus half a turn, as in the samplers.
+/// The direction at the polar angle `theta` from `n`, and at the azimuth `phi` minus pi, as in `sampling`.
 fn around(n: DVec3, theta: f64, phi: f64) -> DVec3 {
     let (sin_phi, cos_phi) = (phi - PI).sin_cos();
     let local = DVec3::new(theta.sin() * cos_phi, theta.sin() * sin_phi, theta.cos());

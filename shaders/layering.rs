@@ -33,8 +33,8 @@ pub fn plastic(f0: DVec3, base: DVec3, specular: DVec3, n_dot_v: f64) -> DVec3 {
     interface_transmittance(f0, n_dot_v) * base + specular
 }
 
-/// Computes 1 - F = (1 - f0) (1 - (1 - c)^5). The second bracket is computed as -expm1(5 log1p(-c)), which keeps
-/// relative precision down to the smallest cosine, where a subtraction would give 0.
+/// Computes 1 - F = (1 - f0) (1 - (1 - c)^5). The function computes 1 - (1 - c)^5 as -expm1(5 log1p(-c)), which is
+/// precise even for the smallest cosines. A subtraction would give 0 there.
 #[must_use]
 pub fn interface_transmittance(f0: DVec3, n_dot_x: f64) -> DVec3 {
     (DVec3::ONE - f0) * -(5.0 * (-n_dot_x).ln_1p()).exp_m1()

@@ -1,11 +1,12 @@
-//! Rust twin of `maps.wgsl`: the settings of its frames, and the textures made from them.
+//! Rust twin of `maps.wgsl`: the settings of frames that are drawn to make textures, and the conversion of a frame to a
+//! cube map.
 
 use glam::{DVec2, DVec3, UVec2};
 use karat::Image;
 
 use crate::environment;
 
-/// Faces across a frame of six faces: +X, -X, +Y, and below them -Y, +Z, -Z.
+/// The number of cube map faces side by side in a frame: +X, -X, +Y, and below them -Y, +Z, -Z.
 pub const ACROSS: u32 = 3;
 /// Rows of faces in a frame.
 pub const DOWN: u32 = 2;
@@ -13,7 +14,7 @@ pub const DOWN: u32 = 2;
 karat::shareable! {
     /// The settings of a map.
     pub struct MapSettings mirrors MapSettingsMirror {
-        /// Texels along each side of a face or of the table.
+        /// The width in texels of a face, or of the table of `specular::split_sum_table`.
         side: u32,
         /// Directions for each texel.
         samples: u32,
@@ -22,7 +23,7 @@ karat::shareable! {
     }
 }
 
-/// Returns the direction, of any length, through the texel at `pixel`.
+/// Returns the direction through the texel at `pixel`. The vector isn't normalised.
 #[must_use]
 pub fn texel_direction(side: u32, pixel: UVec2) -> DVec3 {
     let face = pixel.y / side * ACROSS + pixel.x / side;
@@ -35,7 +36,7 @@ pub fn texel_direction(side: u32, pixel: UVec2) -> DVec3 {
 ///
 /// # Panics
 ///
-/// If the frame isn't `3 side` wide and `2 side` high.
+/// Panics if the frame isn't `3 side` wide and `2 side` high.
 #[must_use]
 pub fn faces(frame: &Image, side: u32) -> [Image; 6] {
     assert_eq!([frame.width(), frame.height()], [ACROSS * side, DOWN * side], "three by two faces");

@@ -13,7 +13,7 @@ pub fn is_hole(normal: DVec3) -> bool {
     normal.y.rem_euclid(BAND) < HOLE
 }
 
-/// Returns the distance in Y between `normal` and the nearest edge of a hole.
+/// Returns the difference in Y between `normal` and the nearest edge of a hole.
 #[must_use]
 pub fn from_edge(normal: DVec3) -> f64 {
     let above = normal.y.rem_euclid(BAND);
@@ -29,7 +29,8 @@ pub fn stepped_depth(depth: f64) -> f64 {
     depth - depth.rem_euclid(STEP)
 }
 
-/// Returns the number of a sphere, and X and Y of a normal, mapped from -1..=1 to 0..=1.
+/// Returns a colour that labels a pixel: R is the number of the sphere. G and B are X and Y of the normal, mapped from
+/// -1..=1 to 0..=1.
 #[must_use]
 pub fn label(instance: u32, normal: DVec3) -> DVec3 {
     let share = (normal.truncate() - DVec2::NEG_ONE) / 2.0;

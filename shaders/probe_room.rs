@@ -18,7 +18,7 @@ karat::shareable! {
         corner: Vec3,
         /// The corner with the greatest coordinates.
         opposite: Vec3,
-        /// The point from which the cube maps are drawn. Here it is the middle of the room.
+        /// The point from which the cube maps are drawn. [`room`] places this point in the middle of the room.
         probe: Vec3,
     }
 }
@@ -26,7 +26,7 @@ karat::shareable! {
 /// Half of the room's size: the room is four wide, two high and four deep, around the origin.
 const HALF: DVec3 = DVec3::new(2.0, 1.0, 2.0);
 
-/// The room of the frames.
+/// Returns the room that the frames show.
 #[must_use]
 pub fn room() -> Room {
     Room { corner: -HALF.as_vec3(), opposite: HALF.as_vec3(), probe: Vec3::ZERO }

@@ -61,13 +61,13 @@ pub fn lambert_radiance(albedo: f64, irradiance: f64) -> f64 {
     albedo / PI * irradiance
 }
 
-/// Computes the BRDF of a mirror, delta / cos. Over a small solid angle dw, the delta is 1 / dw.
+/// Computes the BRDF of a mirror, delta / cos, for light from a small solid angle dw, over which delta is 1 / dw.
 #[must_use]
 pub fn mirror_brdf(n_dot_l: f64, solid_angle: f64) -> f64 {
     (solid_angle * n_dot_l).recip()
 }
 
-/// Checks that int f cos dw <= 1. The white furnace gives exactly 1.
+/// Checks that a surface doesn't create energy: its albedo int f cos dw is at most 1. A white surface has exactly 1.
 #[must_use]
 pub fn conserves_energy(directional_albedo: f64) -> bool {
     directional_albedo <= 1.0
@@ -89,7 +89,8 @@ pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
 /// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). The solid angle of a texel is the second difference of this
 /// function.
 ///
-/// The arctangents are near 1, so a texel of a face 4096 texels wide, with 2e-7 sr, keeps 8 digits.
+/// The function subtracts arctangents near 1. If a face is 4096 texels wide, a texel has 2e-7 sr, and 8 digits of the
+/// result are right.
 #[must_use]
 pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     let edge = |texel: u32| 2.0 * f64::from(texel) / f64::from(size) - 1.0;
@@ -98,7 +99,7 @@ pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     corner(right, bottom) - corner(left, bottom) - corner(right, top) + corner(left, top)
 }
 
-/// Computes 1 - cos without cancellation as sin^2 / (1 + cos), for angles up to a right angle.
+/// Computes 1 - cos. Up to a right angle, the function computes sin^2 / (1 + cos), which doesn't cancel.
 fn versine(angle: f64) -> f64 {
     let (sin, cos) = angle.sin_cos();
     if angle < FRAC_PI_2 { sin * sin / (1.0 + cos) } else { 1.0 - cos }

@@ -1,8 +1,8 @@
 //! Rust twin of `sampling.wgsl`: directions from random numbers, in textbook form.
 //!
 //! Directions are in the local frame, in which +Z is the normal. Angles are in radians, and densities in 1/sr. Random
-//! numbers `u` are in `[0, 1]`. The shader rotates each pattern by 180 degrees about Z (its header gives the reason).
-//! This file multiplies the horizontal components by -1 instead.
+//! numbers `u` are in `[0, 1]`. The shader subtracts 180 degrees from each azimuth (`sampling.wgsl` gives the reason).
+//! This file multiplies X and Y by -1 instead.
 
 use std::f64::consts::{PI, TAU};
 
@@ -113,8 +113,8 @@ pub fn beckmann_normal_pdf(alpha: f64, h: DVec3) -> f64 {
 /// Computes the radical inverse of Pharr et al. 2023 (pbrt-v4), section 8.6.1, in base 2: digit k of `i` has the weight
 /// 2^-(k + 1).
 ///
-/// The function uses all 32 digits, and the shader 24. Results are equal for i < 2^24. Otherwise this function's result
-/// is larger by up to 2^-24.
+/// The function uses all 32 digits, and the shader uses 24 digits, so the results are equal for i < 2^24. For larger
+/// `i`, the function's result is larger than the shader's by up to 2^-24.
 #[must_use]
 pub fn radical_inverse(i: u32) -> f64 {
     (0..u32::BITS)
@@ -181,7 +181,7 @@ pub fn stirred(x: UVec3) -> UVec3 {
     UVec3::new(first, second, third)
 }
 
-/// Returns `bits` without the lowest 8 bits as a binary fraction.
+/// Returns the upper 24 bits of `bits` as a binary fraction in `[0, 1)`.
 #[must_use]
 pub fn unit_float(bits: u32) -> f64 {
     f64::from(bits / 256) / f64::from(1 << 24)

@@ -25,7 +25,8 @@ karat::shareable! {
 }
 
 impl Samples {
-    /// Numbers that are small enough for a software rasteriser. Powers of two make the diffuse furnace exact.
+    /// Numbers that are small enough for a software rasteriser. They are powers of two, so that dividing by them
+    /// doesn't round.
     pub const DEFAULT: Self = Self { diffuse: 256, specular: 512 };
     /// Numbers for estimators that read higher mip levels.
     pub const FILTERED: Self = Self { diffuse: 64, specular: 64 };
@@ -66,7 +67,7 @@ pub fn white_spheres() -> Vec<Painted> {
 ///
 /// # Panics
 ///
-/// If `spheres` doesn't have one sphere for each column and row of the scene.
+/// Panics if `spheres` doesn't have one sphere for each column and row of the scene.
 #[must_use]
 pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
     assert_eq!(spheres.len(), (SIDE * SIDE) as usize, "a material for each sphere");
@@ -79,7 +80,7 @@ pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
     ]
 }
 
-/// Texels along each side of a mask. In the largest frame, a sphere is 60 pixels wide.
+/// The width of a mask in texels. 64 texels are enough, because a sphere in the largest frame is 60 pixels wide.
 const MASK: u32 = 64;
 
 /// Makes a mask in the channel R from its value at each point of the sphere's square, seen from the front: x to the
@@ -92,7 +93,7 @@ fn mask(value: impl Fn(DVec2) -> f64) -> Texture {
     })
 }
 
-/// Returns a mask that masks nothing.
+/// Returns a mask that is 0 everywhere.
 #[must_use]
 pub fn no_mask() -> Texture {
     mask(|_| 0.0)
@@ -133,7 +134,8 @@ pub fn camera(aspect: f64) -> Camera {
     .camera(aspect)
 }
 
-/// Returns a camera that sees the spheres from the side, one behind another. The spheres drawn first are the farthest.
+/// Returns a camera that sees the spheres from the side, one behind another. The frame draws the farthest spheres
+/// first.
 #[must_use]
 pub fn oblique_camera(aspect: f64) -> Camera {
     Setup {
@@ -145,15 +147,15 @@ pub fn oblique_camera(aspect: f64) -> Camera {
     .camera(aspect)
 }
 
-/// Returns the unit sphere as positions, which are also its normals, and triangles. Seen from outside, the triangles
-/// are counter-clockwise.
+/// Returns the unit sphere: the positions of its vertices, which are also the normals, and the indices of its
+/// triangles. Seen from outside, the triangles are counter-clockwise.
 ///
 /// The sphere has `rings` bands from pole to pole, each of `segments` pieces. Each pole is one vertex, and no vertex is
 /// doubled.
 ///
 /// # Panics
 ///
-/// With fewer than 2 rings or 3 segments, which enclose no volume.
+/// Panics with fewer than 2 rings or 3 segments, which enclose no volume.
 #[must_use]
 pub fn sphere(rings: u32, segments: u32) -> (Vec<Vec3>, Vec<u32>) {
     assert!(

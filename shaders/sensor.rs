@@ -36,7 +36,7 @@ pub fn reinhard(luminance: f64, white: f64) -> f64 {
     luminance * (1.0 + luminance / white.powi(2)) / (1.0 + luminance)
 }
 
-/// Scales the colour so that its luminance becomes the result of eq. 4.
+/// Scales the colour so that its luminance becomes the result of [`reinhard`].
 #[must_use]
 pub fn tone_map(color: DVec3, white: f64) -> DVec3 {
     match luminance(color) {

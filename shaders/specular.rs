@@ -7,7 +7,8 @@ use glam::{DVec2, DVec3};
 
 use crate::{distribution, environment, fresnel, geometry, sampling};
 
-/// Computes the general estimator, the mean of f L cos / pdf over the shader's normals, with D in both f and pdf.
+/// Computes the general estimator, the mean of f L cos / pdf over the same microfacet normals as the shader. The shader
+/// cancels D, and this function computes D in both f and pdf.
 ///
 /// f = D F G / (4 N.L N.V): Walter et al. 2007, eq. 20; pdf = D N.H / (4 V.H): eq. 24 and 14. `radiance` is the light
 /// from a unit direction.
@@ -23,8 +24,8 @@ pub fn estimate(
     mean(f0, alpha, n, v, samples, |l, _| radiance(l))
 }
 
-/// Computes `estimate` with light from mip levels, as in Krivanek and Colbert 2008. `radiance` is the light around a
-/// unit direction at a level. `size` is the width of a face in texels.
+/// Computes `estimate` with light from mip levels, as in Krivanek and Colbert 2008. `radiance` is the light from a unit
+/// direction, read from a mip level. `size` is the width of a face in texels.
 #[must_use]
 pub fn filtered_estimate(
     f0: DVec3,
@@ -95,8 +96,8 @@ pub fn prefiltered(alpha: f64, r: DVec3, samples: u32, radiance: impl Fn(DVec3) 
     sum / total
 }
 
-/// Computes the two integrals that multiply f0 and 1 in Karis 2013, "Environment BRDF". They follow from a white
-/// furnace with a black and with a white f0, because Schlick's F is linear in f0.
+/// Computes the two integrals that multiply f0 and 1 in Karis 2013, "Environment BRDF". The function computes them from
+/// the light that surfaces with f0 = 0 and f0 = 1 reflect in a white environment, because Schlick's F is linear in f0.
 #[must_use]
 pub fn split_sum_table(alpha: f64, n_dot_v: f64, samples: u32) -> DVec2 {
     let v = DVec3::new((1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v);
@@ -105,19 +106,19 @@ pub fn split_sum_table(alpha: f64, n_dot_v: f64, samples: u32) -> DVec2 {
     DVec2::new(furnace(DVec3::ONE) - offset, offset)
 }
 
-/// Computes the product of the two sums, as in Karis 2013.
+/// Computes the product of Karis' two sums: the prefiltered `light`, and the environment BRDF from the `table`.
 #[must_use]
 pub fn split_sum(f0: DVec3, table: DVec2, light: DVec3) -> DVec3 {
     light * (f0 * table.x + DVec3::splat(table.y))
 }
 
-/// Returns the level for a width: sqrt(alpha) of the way from the first level to the last.
+/// Returns the mip level for a GGX width: sqrt(alpha) times the number of the last level.
 #[must_use]
 pub fn prefiltered_level(alpha: f64, levels: u32) -> f64 {
     (f64::from(levels) - 1.0) * alpha.powf(0.5)
 }
 
-/// Returns the width for a level: the square of the level divided by the last level.
+/// Returns the GGX width for a mip level: (level / last level)^2.
 #[must_use]
 pub fn prefiltered_alpha(level: f64, levels: u32) -> f64 {
     (level / (f64::from(levels) - 1.0)).powi(2)

@@ -1,5 +1,5 @@
-//! Tests whole reflectances. They agree with the formulas of the papers, they are reciprocal, and they never return
-//! more light than arrives.
+//! Tests complete BRDFs: the BRDFs agree with the formulas of the papers, are reciprocal, and never return more light
+//! than arrives.
 
 use glam::{DVec3, Vec2, Vec3};
 use karat::check::Failure;
@@ -59,11 +59,11 @@ fn apart_from_the_horizon((_, v, l): &(f32, Vec3, Vec3)) -> bool {
 /// The largest part of a lobe that WGSL may flush: 1e-38 times the lobe's peak (3e7), divided by 4 N.V N.L = 4e-8.
 const VANISHED: Abs = Abs(1e-20);
 
-/// The error is 640 ulp of the exponential, as in `distribution`, and 87 times the error of the exponent. In the
-/// exponent, tan^2 consists of two sums, a root and three quotients, which add 12 ulp.
+/// The tolerance for BRDFs with an exponential: 640 ulp, as in `distribution`, plus 87 times the error of the exponent.
+/// In the exponent, tan^2 consists of two sums, a root and three quotients, which add 12 ulp.
 const EXPONENTIAL: Rel = Rel(2e-4);
 
-/// The function computes one quotient.
+/// The only rounding is that of the quotient albedo / pi.
 #[test]
 fn lambert_eval() {
     PBR.function("brdf::lambert_eval")
@@ -94,7 +94,7 @@ fn microfacet_eval() {
         .agrees_with(brdf::microfacet_eval, Ulp(64.0));
 }
 
-/// The function agrees for any f0. The error is relative to the reflection of a surface with f0 = 1.
+/// The function agrees for any f0. The test divides the error by the BRDF of a surface with f0 = 1.
 #[test]
 fn microfacet_eval_with_little_reflectance() {
     PBR.function("brdf::microfacet_eval")
@@ -173,8 +173,8 @@ fn cook_torrance_eval() {
         .agrees_with(brdf::cook_torrance_eval, EXPONENTIAL.or(VANISHED));
 }
 
-/// A normal with the error of WGSL's sin and cos is mirrored, so the direction has twice 2^-11. Each term also has the
-/// error of V.H. V.H and the length of the normal are at most 1.
+/// WGSL's sin and cos give the normal an error of 2^-11. The function mirrors `v` at this normal, so the direction has
+/// twice this error, and the error of V.H adds as much again.
 #[test]
 fn cook_torrance_sample() {
     PBR.function("brdf::cook_torrance_sample")
@@ -212,8 +212,8 @@ fn tanh_of() {
     function().over(Just(0.0)).agrees_with(|x: f64| x, Ulp(0.0));
 }
 
-/// The errors are those of the other lobes. Near 1, the shader computes log by a series. Elsewhere WGSL allows log an
-/// error of 2^-21, which is small beside the other errors.
+/// The tolerance is the same as for `cook_torrance_sample`. Near 1, the shader computes log by a series. Elsewhere WGSL
+/// allows log an error of 2^-21, which is small beside the other errors.
 #[test]
 fn tri_ace_sample() {
     PBR.function("brdf::tri_ace_sample")
@@ -255,7 +255,7 @@ fn tri_ace_pdf() {
         .agrees_with(brdf::tri_ace_pdf, EXPONENTIAL.or(VANISHED));
 }
 
-/// Down to the horizon, including V = -L, the function never computes 0 / 0 and never exceeds f32.
+/// Down to the horizon, even if V = -L, the BRDFs never compute 0 / 0 and never exceed the largest f32.
 #[test]
 fn reflectances_are_finite_and_not_negative() {
     for function in ["brdf::microfacet_eval", "brdf::cook_torrance_eval"] {
@@ -332,8 +332,8 @@ fn nothing_happens_below_the_horizon() {
         .satisfies("is 0", |_, f: Vec3| f == Vec3::ZERO);
 }
 
-/// The function is reciprocal: the two directions can be exchanged (Helmholtz). Only a sum of two products isn't
-/// symmetric in f32, because a compiler may contract one of the products.
+/// The BRDFs are reciprocal (Helmholtz): if `v` and `l` are exchanged, the result stays the same. The tolerance of 4
+/// ulp is for compilers that contract one of the two products in a sum.
 #[test]
 fn reflectances_are_reciprocal() {
     for function in ["brdf::microfacet_eval", "brdf::cook_torrance_eval"] {
@@ -389,14 +389,14 @@ fn view(degrees: f32) -> Vec3 {
     DVec3::new(0.6 * sin, -0.8 * sin, cos).as_vec3()
 }
 
-/// Directions of light with their weights. For irradiated surfaces, the weights include the cosine.
+/// Directions of light with their weights. The weights don't include the cosine.
 fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
     brdf::half_vector_rule(f64::from(alpha), v.as_dvec3(), 32, 32)
         .into_iter()
         .map(|(l, weight)| (l.as_vec3(), weight))
 }
 
-/// Computes the integral in f64 with more nodes.
+/// Computes the integral of a reference in f64, with more nodes than `lights`.
 fn integral((alpha, v): (f32, Vec3), f: impl Fn(f64, DVec3, DVec3) -> f64) -> f64 {
     let (alpha, v) = (f64::from(alpha), v.as_dvec3());
     brdf::integral(alpha, v, |l| f(alpha, v, l))
@@ -441,8 +441,7 @@ fn widest_microfacets_in_a_furnace() {
         .agrees_with(|_| DVec3::splat(1.0 - std::f64::consts::LN_2), Abs(1e-6));
 }
 
-/// G of the V-cavity has edges. At edges, a quadrature of high order is only as exact as its nodes are dense: its error
-/// is up to 8e-4.
+/// Cook and Torrance's G has kinks, at which a quadrature of high order loses its accuracy. The error is up to 8e-4.
 #[test]
 fn cook_torrance_in_a_furnace() {
     let furnace = || {
@@ -491,7 +490,8 @@ fn tri_ace_in_a_furnace() {
         .agrees_with(|_| DVec3::splat(1.0190), Abs(2e-4));
 }
 
-/// The integral is 1 minus the part of the lobe below the horizon. At alpha = 1, it is 1 / (1 + N.V) in closed form.
+/// The integral of a density over the directions above the horizon is 1 minus the part of the lobe below the horizon.
+/// For `microfacet_pdf` at alpha = 1, the integral is 1 / (1 + N.V).
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn densities_integrate_to_what_stays_above() {
@@ -550,8 +550,7 @@ fn estimators() -> Package {
 }
 
 /// No sample has a weight above 2. G2 / G1 is at most 1. G of the V-cavity is at most 2 N.H N.V / V.H, so the weight F
-/// G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have equal errors, which cancel. If pdf is
-/// denormal, it may have lost digits.
+/// G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have equal errors, which cancel.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn samples_have_bounded_weights() {
@@ -566,12 +565,12 @@ fn samples_have_bounded_weights() {
     }
 }
 
-/// Sampler, density and reflectance fit together: the mean of the weights over the unit square is the albedo that the
-/// quadrature over directions finds. A curve in the square separates samples above the horizon from samples below. The
-/// curve crosses up to 256 of the 16384 cells, and the midpoint rule ignores it. Weights at the curve jump by up to 2,
-/// or continuously reach 0 if G vanishes with N.L. If the errors of cells have random signs, the mean has an error of
-/// 2 sqrt(256) / 16384 = 2e-3, and twice as much if the curve runs along the grid. Lambert's samples have no such
-/// curve.
+/// Sampler, density and BRDF fit together: the mean of the weights f cos / pdf over the unit square of random numbers
+/// is the albedo that the quadrature over directions finds. A curve in the square separates samples above the horizon
+/// from samples below. The curve crosses up to 256 of the 16384 cells, and the midpoint rule ignores it. Weights at the
+/// curve jump by up to 2, or continuously reach 0 if G vanishes with N.L. If the errors of cells have random signs, the
+/// mean has an error of 2 sqrt(256) / 16384 = 2e-3, and twice as much if the curve runs along the grid. Lambert's
+/// samples have no such curve.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {
@@ -616,7 +615,8 @@ fn lambert_is_a_density() {
         );
 }
 
-/// No rough metal returns more light than arrives. A quadrature with 64 rings misses no lobe wider than 0.3.
+/// No rough metal returns more light than arrives. The quadrature has 96 rings, which are enough for lobes of width 0.4
+/// and more.
 #[test]
 fn rough_microfacets_return_no_more_than_they_receive() {
     PBR.function("brdf::microfacet_eval")
@@ -632,7 +632,7 @@ fn sampled_views() -> impl Domain<Value = (f32, Vec3)> {
         .map(|(alpha, degrees)| (alpha, view(degrees)))
 }
 
-/// Samples, density and reflectance fit together: the mean of the weights is the albedo.
+/// Samples, density and BRDF fit together: the mean of the samples' weights f cos / pdf is the albedo.
 #[test]
 fn lambert_samples_follow_their_pdf_and_estimate_its_albedo() {
     PBR.function("brdf::lambert_sample")

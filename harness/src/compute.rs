@@ -95,7 +95,7 @@ pub struct Compute<'a> {
 pub struct After<'a> {
     compute: Compute<'a>,
     variable: String,
-    /// `true` if Karat writes the verdict into the run's record.
+    /// `true` if Karat writes a record of the verdict.
     recorded: bool,
     /// `true` if the check ignores the order of the elements.
     up_to_order: bool,
@@ -171,7 +171,7 @@ pub enum ComputeError {
         variable: String,
         /// The number of elements in the resource.
         elements: usize,
-        /// The numbers of rows and columns.
+        /// The numbers of rows and columns that the test sets.
         grid: [usize; 2],
     },
     /// There are no elements to compare.
@@ -198,7 +198,7 @@ pub enum ComputeError {
         /// The value of the reference.
         value: f64,
     },
-    /// The bound of a tolerance is negative or NaN, or it is so large that every result would pass.
+    /// The bound of a tolerance is negative or NaN, or is so large that every result would pass.
     #[error(
         "the tolerance {tolerance} isn't usable, because its bound is {bound:e}: use a number of at least 0 that an error can exceed"
     )]
@@ -208,7 +208,7 @@ pub enum ComputeError {
         /// The bound that can't be used.
         bound: f64,
     },
-    /// A declaration about a path, such as `fails_on`, is wrong, or the declaration's reason names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong or has no reason.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// Several paths fail in different ways, or some paths have no verdict.
@@ -404,11 +404,13 @@ impl<'a> Compute<'a> {
     ///     .agrees_with([0_u32, 2], Abs(0.0));
     /// ```
     ///
-    /// # Panics
-    /// If `other` has no fixture.
+    /// # Panics Panics if `other` has no fixture.
     pub fn alias(mut self, name: &str, other: &str) -> Self {
         let known = self.fixtures.iter().any(|(known, _)| known == other);
-        assert!(known, "`{other}` has no fixture; add `.with(\"{other}\", ...)` before");
+        assert!(
+            known,
+            "`{other}` has no fixture; add `.with(\"{other}\", ...)` before `.alias(...)`"
+        );
         self.same.push((name.to_owned(), other.to_owned()));
         self
     }
@@ -451,7 +453,8 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Dispatches the passes on `executor` instead of the paths of the environment. Each call adds an executor.
+    /// Dispatches the passes on `executor`, instead of on the paths that the environment variables select. Each call
+    /// adds an executor.
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;
@@ -554,7 +557,7 @@ impl<'a> Compute<'a> {
 }
 
 impl After<'_> {
-    /// Keeps the verdict out of the run's record. Use this method in a test that expects a failure.
+    /// Tells Karat to write no record of this check. Use this method in a test that expects a failure.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -585,7 +588,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If an element differs, or the check can't compare any element.
+    /// Panics if an element differs, or the check can't compare any element.
     #[track_caller]
     pub fn agrees_with<T: Mirror>(
         self,
@@ -595,10 +598,10 @@ impl After<'_> {
         or_panic(self.try_agrees_with(reference, tolerance))
     }
 
-    /// Like [`agrees_with`](Self::agrees_with), but returns an error instead of panicking.
+    /// Runs [`agrees_with`](Self::agrees_with), but returns the error instead of panicking.
     ///
     /// # Errors
-    /// If an element differs, or the check can't compare any element.
+    /// Returns an error if an element differs, or the check can't compare any element.
     #[track_caller]
     pub fn try_agrees_with<T: Mirror>(
         self,
@@ -625,7 +628,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If the statement doesn't hold, or the check can't read any element.
+    /// Panics if the statement doesn't hold, or the check can't read any element.
     #[track_caller]
     pub fn satisfies<T: Shareable>(
         self,
@@ -635,10 +638,10 @@ impl After<'_> {
         or_panic(self.try_satisfies(statement, holds))
     }
 
-    /// Like [`satisfies`](Self::satisfies), but returns an error instead of panicking.
+    /// Runs [`satisfies`](Self::satisfies), but returns the error instead of panicking.
     ///
     /// # Errors
-    /// If the statement doesn't hold, or the check can't read any element.
+    /// Returns an error if the statement doesn't hold, or the check can't read any element.
     #[track_caller]
     pub fn try_satisfies<T: Shareable>(
         self,
@@ -676,16 +679,16 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If an element isn't written, or the passes can't be dispatched.
+    /// Panics if an element isn't written, or the passes can't be dispatched.
     #[track_caller]
     pub fn is_written(self) -> ComputeAgreement {
         or_panic(self.try_is_written())
     }
 
-    /// Like [`is_written`](Self::is_written), but returns an error instead of panicking.
+    /// Runs [`is_written`](Self::is_written), but returns the error instead of panicking.
     ///
     /// # Errors
-    /// If an element isn't written, or the passes can't be dispatched.
+    /// Returns an error if an element isn't written, or the passes can't be dispatched.
     #[track_caller]
     pub fn try_is_written(self) -> Result<ComputeAgreement, ComputeError> {
         let passes = self.compute.passes()?;
@@ -724,8 +727,7 @@ impl After<'_> {
     /// assert_eq!(passes.after("data").read::<u32>(Path::CPU).unwrap(), [7]);
     /// ```
     ///
-    /// # Errors
-    /// If the path can't run the passes, or if the type of the elements isn't `T`.
+    /// # Errors Returns an error if the path can't run the passes, or if the type of the elements isn't `T`.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
@@ -768,7 +770,7 @@ impl After<'_> {
     }
 }
 
-/// Runs the passes, and returns the scalars of one part of a resource, each as a `u32`.
+/// Runs the passes, and returns the scalars of the checked part of the resource, each as a `u32`.
 fn words(executor: &dyn Executor, passes: &Passes, part: &Part) -> Result<Vec<u32>, DispatchError> {
     let afterwards = executor::dispatch(executor, passes)?;
     let found = afterwards.into_iter().find(|(of, _)| *of == part.number);

@@ -46,13 +46,13 @@ pub enum DispatchError {
     EntryPoint {
         /// The name that the test uses.
         name: String,
-        /// The entry point of the module with the most similar name.
+        /// The module's entry point with the most similar name.
         nearest: Option<String>,
     },
     /// There are no passes.
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
-    /// In one direction, a dispatch has no workgroups, or more than the 65535 workgroups that every GPU supports.
+    /// A dispatch has no workgroups in one direction, or more than 65535, the most that every GPU supports.
     #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The name of the entry point.
@@ -93,7 +93,7 @@ pub enum DispatchError {
     NotWritten {
         /// The name that the test uses.
         name: String,
-        /// The written resource with the most similar name. `None` if passes only read the resource.
+        /// The written resource with the most similar name. `None` if passes only read the resource `name`.
         nearest: Option<String>,
     },
     /// A resource has no member with this name.
@@ -106,7 +106,7 @@ pub enum DispatchError {
         member: String,
         /// The type of the resource.
         shape: String,
-        /// The member with the most similar name, with its resource.
+        /// The member with the most similar name, such as `particles.position`.
         nearest: Option<String>,
     },
     /// No pass uses a buffer with this name.
@@ -482,7 +482,7 @@ impl Passes {
         self.passes.iter().map(Pass::invocations).sum()
     }
 
-    /// The names, in the author's files, of all variables in the passes: resources, and workgroup variables.
+    /// The names of the passes' resources and workgroup variables, as in the author's files.
     pub(crate) fn variables(&self) -> Vec<String> {
         self.passes.iter().flat_map(|pass| pass.program.variables()).collect()
     }

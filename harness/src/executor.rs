@@ -284,9 +284,8 @@ pub fn call(
     Ok(results.chunks_exact(width).map(<[u32]>::to_vec).collect())
 }
 
-/// Returns the results of a driver that left some words unwritten, if WGSL allows any value for each of these words.
-/// Unwritten words keep their previous value, a NaN. Otherwise the driver dropped a write, and the function returns the
-/// error.
+/// Accepts results in which the driver left some words unwritten, if WGSL allows any value for each of these words.
+/// Unwritten words keep their previous value, a NaN. Otherwise the driver dropped a write: returns `error`.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),

@@ -3,10 +3,10 @@
 //! | variable | fixture |
 //! |---|---|
 //! | `texture_cube<f32>` | [`CubeMap`] |
-//! | every other texture, of floats, integers or depths; storage textures | [`Texture`] |
+//! | all other textures of floats, integers or depths, and storage textures | [`Texture`] |
 //! | `sampler`, `sampler_comparison` | [`Sampler`] |
-//! | `var<uniform>`, `var<immediate>` | [`Uniform`], or [`Buffer`] by its bytes |
-//! | `var<storage>` | [`Storage`] by its elements, [`Uniform`] by its value, or [`Buffer`] |
+//! | `var<uniform>`, `var<immediate>` | [`Uniform`] for a value, or [`Buffer`] for bytes |
+//! | `var<storage>` | [`Storage`] for elements, [`Uniform`] for a value, or [`Buffer`] for bytes |
 
 pub(crate) mod buffer;
 mod cube_map;
@@ -203,7 +203,7 @@ impl Fixture {
         Some(bytes.map(exact).map_err(|error| error.at(binding)))
     }
 
-    /// Returns an error about a fixture that no device accepts.
+    /// Returns an error if no device accepts the fixture.
     fn mistake(&self, binding: &Binding) -> Option<FixtureError> {
         let variable = || binding.path.clone();
         if let Self::Sampler(sampler) = self {

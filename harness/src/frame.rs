@@ -103,7 +103,7 @@ pub enum FrameError {
     /// A bound of the tolerance isn't a usable number.
     #[error("the tolerance of the frame is {0}")]
     Tolerance(String),
-    /// An arbitrary output variable (AOV) has a name that the file can't store.
+    /// An arbitrary output variable (AOV) has a name that Karat can't store in the golden's file.
     #[error("`{0}` can't name an AOV: {1}")]
     Aov(String, &'static str),
     /// The mean colour of a rectangle differs from the expected colour.
@@ -126,7 +126,7 @@ pub enum FrameError {
     /// A rectangle isn't inside the frame.
     #[error(transparent)]
     Rectangle(MaskError),
-    /// A declaration about a path, such as `fails_on`, is wrong, or the declaration's reason names no bug.
+    /// A declaration about a path, such as `fails_on`, is wrong, or has no reason.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// No draw changed any pixel.
@@ -223,7 +223,7 @@ impl Passed for FrameAgreement {
     }
 }
 
-/// Puts the adapter after the first line, because many failures share the adapter.
+/// Writes the adapter on the second line, so the message begins with the cause.
 fn first_then(source: &GoldenError, adapter: &Adapter) -> String {
     let text = source.to_string();
     match text.split_once('\n') {
@@ -239,7 +239,7 @@ impl Passed for FrameMean {
 }
 
 impl Package {
-    /// Begins a frame of `width` x `height` pixels. Entry points of `module` draw it.
+    /// Begins a frame of `width` x `height` pixels. Entry points of `module` draw the frame.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -516,7 +516,7 @@ impl<'a> Frame<'a> {
     }
 
     /// Sets the fragment function that the depth pre-pass runs for the last mesh. This function must discard pixels and
-    /// write depth exactly as the colour pass's function does. It may return only a depth.
+    /// write depth exactly as the colour pass's function does. Its only allowed result is a depth.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -578,8 +578,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets how much the frame may differ on paths that use another driver or another format than the golden:
-    /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
+    /// Sets how much the frame may differ from its golden on some paths: `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"`
+    /// (see [`Selector`]).
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -619,7 +619,7 @@ impl<'a> Frame<'a> {
     /// samples per pixel, divide the variance of the samples by `n`. Karat stores the variance in the golden's file.
     ///
     /// A frame that fails its tolerance still passes if the noise of the frame and the golden explains the difference.
-    /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. Noise
+    /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. `Noise`
     /// rejects one correct frame in a hundred by chance. Karat uses HDR-FLIP for a noisy frame only if the tolerance
     /// names HDR-FLIP.
     ///
@@ -735,7 +735,7 @@ impl<'a> Frame<'a> {
         self.declared_at.clone().unwrap_or_else(|| caller.to_string())
     }
 
-    /// Draws the frame on `executor` instead of the paths of the environment. Each call adds an executor: see
+    /// Draws the frame on `executor` instead of the paths that the environment selects. Each call adds an executor: see
     /// [`Probe::on`](crate::check::Probe::on).
     ///
     /// ```no_run

@@ -92,13 +92,14 @@ pub(crate) struct Rendered<'a> {
     pub(crate) variance: Option<&'a Image>,
     /// Facts that the author of the test adds, by name.
     pub(crate) facts: &'a BTreeMap<String, String>,
-    /// Further parts for the file, such as AOVs. Karat draws the parts on the frame's own path, and only if it
-    /// writes the file.
+    /// Draws further images for the pending frame's EXR file, such as AOVs. Karat calls this function only if it writes
+    /// the file.
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
-    /// `true` if the test declares a known issue for the frame. Then Karat writes no pending frame.
+    /// `true` if the test declares a known issue for the frame. If the frame then differs from its golden, Karat writes
+    /// no pending frame.
     pub(crate) known_issue: bool,
-    /// `true` if the frame of another path is pending. You accept or reject that frame first, and run the test
-    /// again.
+    /// `true` if the frame of another path is pending. Karat then writes no pending frame for this path: you accept or
+    /// reject the other frame first, and run the test again.
     pub(crate) other_waits: bool,
 }
 
@@ -107,8 +108,8 @@ impl Rendered<'_> {
         self.tolerance.and_then(FrameTolerance::first_gate).unwrap_or_default()
     }
 
-    /// The sample format for the file: half floats, or 32-bit floats if rounding to half floats could exceed the
-    /// tolerance.
+    /// The format in which the frame's file stores numbers: half floats, or 32-bit floats if rounding to half floats
+    /// could exceed the tolerance.
     fn precision(&self) -> Precision {
         self.gate().precision_for(self.image, self.mask)
     }
@@ -207,7 +208,7 @@ pub enum GoldenError {
 }
 
 impl GoldenError {
-    /// Adds the command that traces the worst pixel, or the first pixel with NaN or infinity.
+    /// Adds a command to the message: `karat trace` with the worst pixel, or the first pixel with NaN or infinity.
     pub(crate) fn point_at_worst(&mut self) {
         let Self::Differs { case, difference, advice, .. } = self else { return };
         let (what, at) = match &**difference {
@@ -449,7 +450,7 @@ impl Goldens {
                 let advice = match &pending {
                     None => String::new(),
                     Some(_) if frame.other_waits => {
-                        "which is another path's frame: accept or reject that frame first"
+                        "which shows the frame of another path: accept or reject that frame, then run the test again"
                             .to_owned()
                     }
                     Some(pending) => self.advice(pending, &difference, &loaded.file),
@@ -481,7 +482,7 @@ impl Goldens {
         let Pending { case, provenance, .. } = pending;
         if provenance.finding.as_ref().is_some_and(|finding| finding.base_passes) {
             return format!(
-                "then delete `{}` with its `.toml` and run the test again: the frame passes with the golden for all profiles",
+                "then delete the profile's own golden `{}` and its `.toml`, and run the test again: the frame passes with the golden for all profiles",
                 shown(golden)
             );
         }

@@ -59,7 +59,7 @@ pub use sanitizer::{examine, examine_made_up};
 pub use work::{evaluations, long_cases};
 pub use written::written;
 
-/// A lowered function with its resources.
+/// A function that is translated (lowered) for the engine, with its resources.
 #[derive(Debug)]
 pub struct Interpreted {
     lowered: Lowered,
@@ -77,7 +77,7 @@ pub struct Interpreted {
     flush: bool,
 }
 
-/// The settings for lowering programs with the arithmetic of the path `cpu` that `via` selects.
+/// The settings for translating (lowering) programs. `via` selects the arithmetic: ordinary, `cpu:fma` or `cpu:ftz`.
 fn lowering(via: Via) -> Settings {
     let (contract, statements) = (via == Via::Fma, counted::counts());
     // Assertions need names so that tests can observe their values.
@@ -85,12 +85,12 @@ fn lowering(via: Via) -> Settings {
     Settings { contract, statements, named, ..Settings::default() }
 }
 
-/// The largest number of iterations for a case whose loops have a bound. A case with more iterations would take
-/// minutes.
+/// The largest number of loop iterations for a case, if the number of iterations of each loop has a known bound. A case
+/// with more iterations would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// The largest numbers of loop iterations in a proof about many arguments at once. `FEW_ROUNDS` counts the iterations
-/// in which the loop may or may not end, and `MANY_ROUNDS` counts all iterations.
+/// Limits for loops in a proof about many arguments at once. `FEW_ROUNDS` limits the iterations in which only some of
+/// the arguments leave the loop, and `MANY_ROUNDS` limits all iterations.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
@@ -100,7 +100,7 @@ impl Interpreted {
         Self::with(probed, fixtures, &Settings::default())
     }
 
-    /// Lowers a function like `new`, with the arithmetic of the path `cpu` that `via` selects.
+    /// Lowers a function like `new`. `via` selects the arithmetic: ordinary, `cpu:fma` or `cpu:ftz`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -151,8 +151,7 @@ impl Interpreted {
         Self { fuel, ..self }
     }
 
-    /// Prepares for calls in which each row has the arguments of all four pixels of a quad. A call then returns the
-    /// result of the pixel `own` (0 to 3).
+    /// Makes calls take the arguments of all four pixels of a quad, and return the result of the pixel `own` (0 to 3).
     fn at_pixel(mut self, own: usize) -> Self {
         self.quads.iter_mut().for_each(|quads| quads.own = Some(own));
         self
@@ -224,8 +223,8 @@ impl Interpreted {
         self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
     }
 
-    /// The values that WGSL allows a driver to return. The calculation uses the constants rounded to `f32`, so the
-    /// values lie within [`bounds`](Self::bounds).
+    /// The values that WGSL allows a driver to return. Drivers round the shader's constants to `f32`, so these values
+    /// are within [`bounds`](Self::bounds).
     pub(crate) fn driver_bounds(
         &self,
         cases: usize,
@@ -234,7 +233,8 @@ impl Interpreted {
         self.bounded(cases, arguments, &self.options())
     }
 
-    /// The bounds that follow from an adapter's measured accuracy. They are never wider than [`bounds`](Self::bounds).
+    /// The bounds that follow from an adapter's measured accuracy. These bounds are never wider than
+    /// [`bounds`](Self::bounds).
     pub(crate) fn measured_bounds(
         &self,
         cases: usize,
@@ -257,8 +257,8 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between the arguments of two rows. `None` for quads
-    /// and for 16-bit floats.
+    /// The bounds, like [`driver_bounds`](Self::driver_bounds), for all arguments between the arguments of two rows.
+    /// Returns `None` for quads and for 16-bit floats.
     pub(crate) fn bounds_between(
         &self,
         cases: usize,
@@ -300,7 +300,7 @@ impl Interpreted {
         if self.quads.is_some() { quads::PIXELS } else { 1 }
     }
 
-    /// Returns an error if WGSL doesn't bound the function's results.
+    /// Returns an error if the function takes derivatives, because WGSL doesn't bound their errors.
     fn expect_bounds(&self) -> Result<(), ProbeError> {
         if self.quads.is_none() {
             return Ok(());
@@ -377,7 +377,6 @@ impl Interpreted {
     }
 }
 
-/// Lowers a function, and checks that it writes nothing that is visible outside of it.
 fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> {
     let Probed { program, function, .. } = probed;
     let settings = Settings { quads: function.form.fragment, ..settings.clone() };
@@ -402,8 +401,8 @@ pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Spa
     Some((span, text))
 }
 
-/// The position and the text of an operation in the source file. naga gives the expression `-x` the source range of
-/// `x`.
+/// The position and the text of an operation in the source file. Adds the sign to the expression `-x`, because naga
+/// gives this expression the source range of `x`.
 fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
     let range = site.span.to_range()?;
     let (mut span, text) = author(program, range)?;
@@ -421,7 +420,7 @@ fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
     Some((span, text))
 }
 
-/// The first line of a statement, a condition or an access, in the source file.
+/// The position of an operation's statement or condition in the source file, cut off after the first line.
 fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     let mut span = program.resolve(site.span.to_range()?)?;
     // naga's range of a `for` condition includes the space before the condition.
@@ -464,7 +463,7 @@ impl Bound {
         matches!(self, Self::Float(x) if x.is_reordered())
     }
 
-    /// The smallest and the largest allowed value. `None` says that any value is allowed.
+    /// The smallest and the largest allowed value. Returns `None` if any value is allowed.
     pub fn ends(&self) -> Option<(f64, f64)> {
         match self {
             Self::Float(x) => x.is_bounded().then(|| (f64::from(x.lo()), f64::from(x.hi()))),
@@ -487,8 +486,7 @@ pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     })
 }
 
-/// For each word, `true` if the word depends on the values that reads outside of arrays return, or on the elements that
-/// writes outside of arrays change.
+/// For each word that `run` returns, `true` if the word changes with the effect of reads and writes outside of arrays.
 fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(Choice::default())?;
     let mut differs = vec![false; usual.len()];
@@ -500,7 +498,7 @@ fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>
     Ok(differs)
 }
 
-/// The name of the invocation `number`. For a draw, this is the name of a pixel.
+/// The name of the invocation `number` in messages. In a draw, the invocation is a pixel: `pixel (3, 4)`.
 fn invocation(pass: &Pass, size: [u32; 3], number: usize) -> String {
     if pass.drawn.is_none() {
         return pass.invocation(size, number);
@@ -560,14 +558,14 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if nested loops used up the limit of rounds only together: the inner loops ran many rounds, but no single
-/// loop reached the limit. In that case, each of these loops may end. The check still reports an endless loop with up
-/// to 15 rounds of inner loops in each of its rounds.
+/// Checks if nested loops reached the limit of iterations only together, so that each of them may end: the stopped loop
+/// ran fewer than 1/16 of the counted iterations. Karat still finds an endless loop, if each of its iterations has at
+/// most 15 iterations of inner loops.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }
 
-/// Converts the 16-bit floats in rows of arguments by `change`.
+/// Applies `change` to the 16-bit floats in rows of arguments or results.
 fn each_half<'w>(
     scalars: &[Scalar],
     words: impl FnOnce() -> &'w mut Vec<u32>,

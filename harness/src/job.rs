@@ -9,11 +9,11 @@
 //! KARAT_EXECUTORS='mine=target/debug/mine' KARAT_PATHS=process@mine cargo test
 //! ```
 //!
-//! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then the program reads jobs,
-//! each as one line of JSON, and writes an [`Answer`] to each job, also as a line. The program ends when its
-//! input ends. If the program ends earlier, Karat shows the program's stderr. Karat also calls functions by
-//! jobs: the job's WGSL contains a kernel that calls the function. Karat checks that the right case wrote each
-//! word of the results.
+//! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then the program reads jobs, each as
+//! one line of JSON, and answers each job with an [`Answer`], also as one line. The program ends when its input ends.
+//! If the program ends earlier, Karat shows the program's stderr. To call a function, Karat sends a job whose WGSL
+//! contains a generated entry point that calls the function. Karat then checks that the right case wrote each word of
+//! the results.
 //!
 //! [`serve`](crate::executor::serve) makes such a program from one of Karat's own paths.
 
@@ -54,7 +54,7 @@ pub struct Job {
     pub id: u64,
     /// The resources that shaders read and write. A resource's number is its index in this list.
     pub resources: Vec<Resource>,
-    /// The numbers of the resources to return. For a frame, the executor returns the image instead.
+    /// The numbers of the resources to return. For a frame, the executor ignores this list and returns the image.
     pub outputs: Vec<usize>,
     /// The time limit in seconds.
     pub seconds: f64,
@@ -112,7 +112,7 @@ pub struct Pass {
     pub workgroups: [u32; 3],
 }
 
-/// A resource, and the binding to which it belongs.
+/// A binding of the shader, and the resource for this binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bound {
@@ -132,7 +132,7 @@ pub enum Resource {
         #[serde(with = "words")]
         words: Vec<u32>,
     },
-    /// A texture. As an output, it has four words for each texel of its first level.
+    /// A texture. As an output, the texture has four words for each texel of its first mip level.
     Texture {
         /// The WGSL name of the format of a storage texture. Other textures may have any format that can store
         /// their texels exactly.
@@ -181,7 +181,8 @@ pub struct Frame {
     pub height: u32,
     /// The draws, in the order in which they run.
     pub draws: Vec<Drawn>,
-    /// `true` if a depth pre-pass comes first. The colour passes then draw only where the depth is equal.
+    /// `true` if a depth pre-pass comes first. The colour passes then draw only pixels whose depth equals the depth
+    /// from the pre-pass.
     pub prepass: bool,
     /// The operation that combines a new value with a pixel's old value, unless a draw sets its own operation.
     pub blend: Blend,
@@ -210,7 +211,7 @@ pub struct Drawn {
     pub bindings: Vec<Bound>,
 }
 
-/// The answer to a job, which the program writes as one line.
+/// The answer to a job. The program that ran the job writes the answer as one line of JSON.
 ///
 /// ```
 /// use karat::unstable::job::{Answer, Reply};
@@ -246,7 +247,7 @@ pub enum Reply {
 pub struct Problem {
     /// The reason, as a sentence.
     pub message: String,
-    /// The index of the pass with the problem, counted from 0. Also 0 if the problem belongs to no pass.
+    /// The index of the pass with the problem, counted from 0. The index is 0, too, if the problem belongs to no pass.
     #[serde(default)]
     pub pass: usize,
     /// The byte range of the problem in the WGSL of that pass, or of the frame.

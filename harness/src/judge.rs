@@ -1,5 +1,5 @@
-//! The judges of cases and of buffer elements. They compare rows of words with an assertion, and sum up the
-//! results.
+//! The judges of cases and of buffer elements. A judge checks the words of each result against the check's
+//! assertion, and counts the failures.
 
 use std::ops::Range;
 
@@ -32,7 +32,7 @@ pub(crate) enum Class {
     Conditioning,
     /// WGSL allows any result.
     Unbounded,
-    /// The case evaluated no expectation.
+    /// In this case, the test in WGSL evaluated no expectation, such as `expect_less`.
     Idle,
     Other,
 }
@@ -72,7 +72,7 @@ pub struct Census {
     pub ill_conditioned: u64,
     /// The number of failures under [`Spec`](crate::Spec) because WGSL allows any result.
     pub unbounded: u64,
-    /// The number of cases in which a test in WGSL evaluated no expectation.
+    /// The number of cases in which a test in WGSL evaluated no expectation, such as `expect_less`.
     pub idle: u64,
     /// The number of cases with remembered inputs, on which the test failed before.
     pub remembered: u64,
@@ -92,8 +92,8 @@ impl Census {
             (self.wrong_sign, "with the wrong sign"),
             (self.too_low, "too low"),
             (self.too_high, "too high"),
-            (self.shader, "with a reference that WGSL doesn't allow"),
-            (self.driver, "with a result outside of the bounds"),
+            (self.shader, "with a reference value that WGSL doesn't allow"),
+            (self.driver, "with a result that WGSL doesn't allow"),
             (self.ill_conditioned, "ill-conditioned"),
             (self.unbounded, "unbounded"),
         ];
@@ -115,11 +115,11 @@ impl Shown {
     }
 }
 
-/// The summed judgements of a path's cases. The order of merging has no effect.
+/// The summed judgements of a path's cases. Karat can merge tallies in any order, with the same result.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) census: Census,
-    /// The case with the largest ratio, or the first case with that ratio.
+    /// The case with the largest ratio. If several cases have this ratio, the first of these cases.
     pub(crate) worst: Option<Shown>,
     /// The failing case with the lowest index. Low indices belong to edges, which are the simplest cases.
     pub(crate) first: Option<Shown>,
@@ -194,7 +194,7 @@ fn either(
     }
 }
 
-/// The number of cases that one task judges. For so many cases, the work takes longer than starting the task.
+/// The number of cases that one task judges. To judge this many cases takes longer than to start the task.
 const TASK: usize = 2048;
 
 /// The text that a message shows instead of the result of a failing case.
@@ -214,7 +214,7 @@ pub(crate) trait Judge: Sync {
         false
     }
 
-    /// Describes a failing case, if people can't read the words of its result.
+    /// Describes a failing case in words for people, if the result is a code, such as the result of a test in WGSL.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None
@@ -258,15 +258,15 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
     }
 }
 
-/// Some evenly spaced cases of a batch with their errors, and the cases that fail.
+/// The cases of a batch that Karat stores: some evenly spaced cases with their errors, and the cases that fail.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Picked {
     /// `true` if Karat stores failing cases.
     wants_failing: bool,
     pub(crate) failing: Vec<usize>,
-    /// The distance between two stored cases. 0 if Karat stores none.
+    /// The distance between two evenly spaced cases. 0 if Karat stores only failing cases.
     every: usize,
-    /// The indices of stored cases in the batch, with their errors divided by their tolerances.
+    /// The indices of the evenly spaced cases in the batch, each with the case's ratio.
     pub(crate) ratios: Vec<(usize, f64)>,
 }
 
@@ -296,7 +296,7 @@ impl Picked {
     }
 }
 
-/// Judges each case of a batch. The first case has the index `first_case`. Adds the errors to `picked`.
+/// Judges each case of a batch, and adds the ratios to `picked`. The batch's first case has the index `first_case`.
 pub(crate) fn tally(
     first_case: u64,
     results: View<'_>,

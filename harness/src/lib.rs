@@ -48,8 +48,8 @@
 //! instead of panicking.
 //!
 //! The stable names are at the root, in [`prelude`] and in the modules. Only a new major version changes them.
-//! Programs around tests also use records, reports as data and naga's facts about a shader. These names are in
-//! [`unstable`], or their documentation says *Unstable*.
+//! Programs that run or report tests also use records, reports as data and naga's facts about a shader. These names
+//! are in [`unstable`], or their documentation says *Unstable*.
 
 pub mod check;
 pub mod compute;
@@ -104,7 +104,7 @@ pub mod metric {
     pub use karat_core::metric::{Flip, Mask, MaskError, Noise, Pool, Rect};
 }
 
-/// The sets in which the samples of a sampler lie, and quadrature rules for references.
+/// The sets that contain a sampler's samples, such as a hemisphere, and quadrature rules for references.
 pub mod stats {
     pub(crate) use karat_core::stats::*;
     #[doc(inline)]

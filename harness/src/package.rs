@@ -95,7 +95,7 @@ pub struct Package {
     features: Vec<(String, Feature)>,
     /// The names of modules, each with the additional features that are on when Karat validates the module.
     module_features: Vec<(String, Vec<String>)>,
-    /// `true` if the package requires Tint's verdict, even if `karat.toml` doesn't say this.
+    /// `true` if the program requires Tint's verdict for this package. `karat.toml` may require it, too.
     requires_tint: bool,
     /// Paths of files, each with the text that Karat reads instead of the file.
     unsaved: Vec<(PathBuf, Arc<str>)>,
@@ -240,9 +240,8 @@ impl Package {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
-    /// A copy of this package of a crate, in which the modules of the imported crate `krate` are in the folder `root`.
-    /// The path `root` of the folder is relative to the folder of `krate`. Use this method if Karat doesn't find the
-    /// modules of `krate`.
+    /// A copy of this package that reads the modules of the imported crate `krate` from the folder `root`. The path
+    /// `root` is relative to the folder of `krate`. Use this method if Karat doesn't find the modules of `krate`.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -253,7 +252,8 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the package isn't a crate, or if it can't import from a crate of this name with shaders in this folder.
+    /// If the package isn't a crate, if its modules can't import from a crate `krate`, or if that crate has no
+    /// folder `root`.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
@@ -292,7 +292,7 @@ impl Package {
         Ok(package)
     }
 
-    /// A package with one module in memory. The paths of its functions have no module name.
+    /// A package with one module in memory. A function `f` has the path `f`, without the module's name.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -382,7 +382,7 @@ impl Package {
         own
     }
 
-    /// Checks that each module for which [`module_features`](Self::module_features) set features exists.
+    /// Checks that the package has the modules that the author passed to [`module_features`](Self::module_features).
     pub(crate) fn knows_its_validated(&self, modules: &[String]) -> Result<(), PackageError> {
         let unknown = self.module_features.iter().find(|(module, _)| !modules.contains(module));
         let Some((module, _)) = unknown else { return Ok(()) };
@@ -520,9 +520,9 @@ impl Package {
         Ok(modules)
     }
 
-    /// The files beside the modules, sorted: declared tests, tables, images. The list doesn't contain hidden
-    /// files and Cargo's build output. Karat enters each folder once. A package of one file has the files in its
-    /// folder. Text in memory has no files.
+    /// The files beside the modules, sorted: declared tests, tables, images. The list doesn't contain hidden files
+    /// and Cargo's build output. Karat enters each folder once, even if links lead there, too. For a package of one
+    /// file, the list has the other files in that file's folder. For text in memory, the list is empty.
     ///
     /// ```
     /// use karat::Package;
@@ -536,7 +536,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If a folder can't be read, or if a file has the name of a module but can't be a module.
+    /// If a folder can't be read, or if a `.wgsl` or `.wesl` file can't be a module.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
@@ -564,8 +564,8 @@ impl Package {
         PackageError::Twice { package: self.name(), what: format!("{what} named `{name}`") }
     }
 
-    /// Checks that all modules in memory, and all dependencies, have different names. [`modules`](Self::modules)
-    /// checks the modules of a folder.
+    /// Checks that no two modules in memory, and no two dependencies, have the same name. For a folder,
+    /// [`modules`](Self::modules) checks the modules' names.
     fn expect_distinct(&self) -> Result<(), PackageError> {
         let mut names = BTreeSet::new();
         if let Origin::Memory { modules, .. } = &self.origin

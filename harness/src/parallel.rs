@@ -1,10 +1,11 @@
-//! Runs tasks on all cores. Most of this code isn't generic, because each test compiles generic code again.
+//! Runs tasks on all cores. Most of this code isn't generic, because each test program would compile generic code
+//! again.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
-/// The number of rows that one task makes. For so many rows, the work takes longer than starting the task.
+/// The number of rows that one task makes. To make this many rows takes longer than to start the task.
 const TASK: usize = 2048;
 
 /// Runs tasks, and returns their results in the order of their indices.
@@ -32,8 +33,8 @@ fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
     });
 }
 
-/// Makes rows of equal width, one after the other. `append` appends some of the rows. `None` if a call of
-/// `append` returns `false`.
+/// Makes `count` rows of `width` values in one list, such as the arguments of each case. `append` appends the rows
+/// of a range to a list. Returns `None` if a call of `append` returns `false`.
 pub(crate) fn rows<T: Copy + Default + Send>(
     count: usize,
     width: usize,

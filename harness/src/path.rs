@@ -1,8 +1,8 @@
 //! Execution paths: the ways to run a shader.
 //!
-//! A path consists of an API, an adapter, and the route by which naga translates WGSL for that API: SPIR-V for Vulkan,
-//! GLSL for OpenGL, and so on. A process opens each path once. These environment variables select the paths for a
-//! check:
+//! A path consists of an API, an adapter, and the route by which naga translates WGSL for that API: SPIR-V for
+//! Vulkan, GLSL for OpenGL, and so on. A process opens each path once. These environment variables select the paths
+//! for a check, and limit the time of a run:
 //!
 //! - `KARAT_PATHS`: names such as `vulkan` or `vulkan,gl`, or `all` for all drivers that open. The default is the
 //!   first driver that opens, or else Karat's own engine, `cpu`. A path that you list by name must open, and you can
@@ -13,7 +13,7 @@
 //! - `KARAT_ADAPTER`: a part of an adapter's name, to choose one of several adapters.
 //! - `KARAT_TIMEOUT`: the number of seconds that a shader may take before the process ends (default 60).
 //! - `KARAT_FUEL`: the number of loop iterations that a case may take on `cpu`, for loops without a bound (default
-//!   1048576). For a loop that might hang a driver, the engine runs the loop before the driver does.
+//!   1048576). If a loop might hang a driver, Karat first runs the loop on its engine.
 
 pub(crate) mod cpu;
 pub(crate) mod deadline;
@@ -75,7 +75,7 @@ pub enum PathError {
     UnknownVia {
         /// The name that the user wrote.
         name: String,
-        /// The part of the name that should be a route.
+        /// The part of the path's name that should be a route.
         via: String,
         /// The existing route with the most similar name.
         nearest: Option<String>,
@@ -88,7 +88,7 @@ pub enum PathError {
     UnknownDriver {
         /// The name that the user wrote.
         name: String,
-        /// The part of the name that should be a driver family.
+        /// The part of the path's name that should be a driver family.
         driver: String,
         /// The existing driver family with the most similar name.
         nearest: Option<String>,

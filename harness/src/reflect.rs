@@ -202,7 +202,8 @@ impl Program {
         let invalid = |diagnostic| ReflectError::Invalid(Box::new(diagnostic));
         if let Some(at) = linked.text().find('\0') {
             let message =
-                "WGSL forbids the null character (U+0000), also in comments: remove it".to_owned();
+                "WGSL forbids the null character (U+0000), even in comments: remove the character"
+                    .to_owned();
             let mut diagnostic = Diagnostic::new(message);
             if let Some(span) = linked.spliced.resolve(at..at + 1) {
                 diagnostic = diagnostic.at(span, "");

@@ -1,5 +1,5 @@
-//! The running test: its name, the inputs on which it failed before, its declared failures, and the records of
-//! its verdicts. Checks of functions and of frames use this code.
+//! The running test: its name, the inputs on which it failed before, its declared failures, and the records of its
+//! verdicts. Checks of functions and checks of frames both use this code.
 
 mod host;
 mod identity;

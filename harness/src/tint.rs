@@ -35,7 +35,7 @@ const LONGEST: u64 = 16 << 20;
 
 /// The advice for a missing Tint, in one line.
 const REMEDY: &str = "run `npm install --save-dev webgpu` in the project (with Node 20 or newer), or set KARAT_TINT to \
-                      the path of the installed package, of the program `tint` or of a Chromium";
+                      the path of the installed package, of the program `tint` or of a Chromium browser";
 
 /// The Tint on this machine.
 pub struct Tint {
@@ -72,7 +72,7 @@ pub struct Pipeline {
     pub entry_point: String,
     /// The stage: `compute`, `vertex` or `fragment`.
     pub(crate) stage: &'static str,
-    /// The attributes of a vertex stage, with WebGPU's names for formats.
+    /// The vertex attributes of a vertex stage. The names of the formats are WebGPU's names.
     pub(crate) attributes: Vec<Attribute>,
     /// A module with a vertex function `karat_feeds`, which supplies the inputs of a fragment stage.
     pub(crate) feeder: String,
@@ -97,7 +97,7 @@ pub enum NoVerdict {
     #[error("Tint's answer can't be read: {0}")]
     Garbage(String),
     /// The answer is about another text than the question.
-    #[error("Tint answered about another text")]
+    #[error("Tint's answer is about another shader")]
     Other,
     /// The question got two answers.
     #[error("Tint answered twice")]
@@ -151,7 +151,8 @@ impl Tint {
         }
     }
 
-    /// The version of Tint, such as `webgpu 0.6.2, Node 20.20.2`. The call starts Tint.
+    /// The version of Tint, such as `webgpu 0.6.2, Node 20.20.2`; `unknown` for the program `tint`. The call starts
+    /// Tint.
     ///
     /// # Errors
     /// Returns an error if Tint doesn't run, with the reason.
@@ -179,7 +180,7 @@ fn lacking(answer: &mut Result<Answer, NoVerdict>) {
 }
 
 impl fmt::Display for Tint {
-    /// The name of the program with Tint: `webgpu in node_modules`.
+    /// The program that contains Tint: ``the npm package in `node_modules/webgpu` ``.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.kind.fmt(f)
     }

@@ -1,5 +1,5 @@
-//! Modules for programs around tests, such as Karat's own command line. Any release may change their names and
-//! meanings, so tests don't use these modules. Tests use the root of the library and its other modules.
+//! Modules for programs around tests, such as Karat's own command line. Any release may change the names and meanings
+//! of these modules, so use the other modules of the library in tests.
 //!
 //! ```
 //! use karat::unstable::record::Verdict;
@@ -37,7 +37,7 @@ pub mod dispatch {
     pub use crate::dispatch::*;
 }
 
-/// The output of another program, and the time limit for a look-up.
+/// Runs of other programs for their output, and the time limit for such a run.
 pub mod process {
     pub use karat_core::lines::{LOOK_UP, output};
 }
@@ -60,7 +60,7 @@ pub mod executor {
     pub use crate::executor::*;
 }
 
-/// Generated fixtures, for which a test declares only a size, and the mip levels of textures.
+/// Fixtures that Karat generates from a declared size, and the mip levels of textures.
 pub mod fixture {
     pub use crate::fixture::Fixtures;
     pub use crate::fixture::buffer::blank;
@@ -95,7 +95,7 @@ pub mod image {
     };
 }
 
-/// Runs of functions and passes in the engine: the hazards that occur, and the values that inputs lead to.
+/// Runs of functions and passes in the engine: the hazards that occur, and the values that the engine computes.
 pub mod interpret {
     pub use crate::interpret::*;
 }
@@ -113,7 +113,7 @@ pub mod metric {
     };
 }
 
-/// The functions of a package, and the tests that its conditions remove.
+/// The functions of a package, and the tests that conditions such as `@if(NAME)` remove from the package.
 pub mod package {
     pub use crate::package::accepted::*;
     pub use crate::package::function_item::FunctionItem;
@@ -133,7 +133,7 @@ pub mod compute {
     pub use crate::dispatch::{Violation, ViolationAccess};
 }
 
-/// Abilities of paths, and the greeting of a program that runs jobs.
+/// Abilities of paths, and the first message (`Greeting`) of a program that runs jobs.
 pub mod path {
     pub use crate::path::deadline::{Moment, watched};
     pub use crate::path::device::Device;

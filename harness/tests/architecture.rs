@@ -14,7 +14,7 @@ struct Row {
     crates: Vec<String>,
 }
 
-/// The modules of the library, the lowest first. A module uses only the modules before it.
+/// The modules of the library, in the order of the table. A module uses only the modules above it in the table.
 fn order() -> Vec<Row> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ARCHITECTURE.md");
     let page = std::fs::read_to_string(page).expect("it is beside the library");
@@ -59,18 +59,18 @@ const MOST_DEPENDENCIES: usize = 26;
 /// The largest number of names at the library's root, without modules and macros. A new user reads these names first.
 const MOST_NAMES: usize = 36;
 
-/// The modules of the library and the crates that a module's code names.
+/// The names in a module's code: modules of the library, and crates.
 #[derive(Debug, Default)]
 struct Names {
     modules: BTreeSet<String>,
-    /// The first parts of paths, except `crate`, `self` and `super`.
+    /// The first words of paths, such as `naga` in `naga::Module`, except `crate`, `self` and `super`.
     crates: BTreeSet<String>,
-    /// The number of `super`s that lead out of the file's own module, as in `super::super::golden`.
+    /// The number of `super`s that lead from the code to the root of the library, as in `super::super::golden`.
     depth: usize,
 }
 
 impl Names {
-    /// Records a path in a file that is `up` modules below the root of the library.
+    /// Records a path in the code.
     fn path(&mut self, parts: &[String]) {
         let supers = parts.iter().take_while(|part| *part == "super").count();
         let rest = &parts[supers..];
@@ -301,7 +301,7 @@ fn the_library_has_few_dependencies_and_root_names() {
     }
 }
 
-/// The number of items that a `use` imports. Names of modules and macros begin with a small letter.
+/// The number of items that a `use` imports, without modules and macros, whose names begin with a small letter.
 fn leaves(tree: &syn::UseTree) -> usize {
     match tree {
         syn::UseTree::Path(path) => leaves(&path.tree),
@@ -313,7 +313,7 @@ fn leaves(tree: &syn::UseTree) -> usize {
     }
 }
 
-/// A public item: its name, after the name of its type if it is a method, and `true` if its documentation has an
+/// The name of a public item, such as `Package` or `Package::open`, and `true` if the item's documentation has an
 /// example.
 type Item = (String, bool);
 
@@ -352,7 +352,7 @@ impl PublicItems {
     }
 }
 
-/// Checks if the documentation leaves an item out.
+/// Checks if an item has the attribute `doc(hidden)`.
 fn is_hidden(attributes: &[syn::Attribute]) -> bool {
     attributes.iter().any(|one| one.path().is_ident("doc") && quoted(one) == "hidden")
 }
@@ -430,7 +430,7 @@ fn without_example(items: &[Item]) -> Vec<&str> {
 
 /// The stable part of the library: `lib.rs` and its public modules.
 struct Promise {
-    /// For each public module, the types, functions and traits that its root defines or reexports.
+    /// The types, functions and traits that each public module defines or reexports in its root file.
     names: BTreeMap<String, BTreeSet<String>>,
 }
 

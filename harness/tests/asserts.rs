@@ -1,4 +1,4 @@
-//! Lines that assert and print in shaders: in calls, checks, passes and frames.
+//! Comments in shaders that assert and print (`//karat: assert x > 0.0`): in calls, checks, passes and frames.
 
 use karat::draw::{Draw, Mesh};
 use karat::fixture::Fixtures;
@@ -51,7 +51,7 @@ fn a_call_prints_its_values() {
     }
 }
 
-/// On each path, a check fails if an assertion is false for one input, and names the input.
+/// On each path, a check fails if an assertion is false for one input. The failure names the input.
 // Lesson 37
 #[test]
 fn checks_fail_by_assertions() {
@@ -106,7 +106,7 @@ fn an_assertion_that_is_not_looked_at_is_an_error() {
     assert!(told.contains("function `f` writes to variables outside"), "{told}");
 }
 
-/// A pass prints values by invocation, and fails at the first invocation with a false assertion.
+/// A pass prints the values of each invocation, and fails at the first invocation with a false assertion.
 // Lesson 37
 #[test]
 fn passes_assert_and_print() {
@@ -216,8 +216,8 @@ fn vertex_functions_are_not_looked_at() {
     }
 }
 
-/// Assertions and prints can't change a value: Karat refuses atomics and calls that write. An assertion that reads out
-/// of bounds is false.
+/// Assertions and prints can't change a value, because Karat refuses calls with side effects in them. An assertion that
+/// reads out of bounds is false.
 // Lesson 37
 #[test]
 fn assertion_comments_cannot_write_or_read_out_of_bounds() {
@@ -247,7 +247,7 @@ fn assertion_comments_cannot_write_or_read_out_of_bounds() {
     assert!(outside.contains("`all[i] > 0.0` reads outside of an array"), "{outside}");
 }
 
-/// The message counts the NaNs among printed values. NaN is neither the smallest nor the largest printed value.
+/// The table of printed values counts the NaNs, and ignores them for the smallest and the largest value.
 // Lesson 37
 #[test]
 fn nan_is_counted() {

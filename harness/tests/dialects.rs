@@ -130,7 +130,7 @@ fn all_missing_values_are_named_at_once() {
     assert!(!error(&package("#define COUNT 3\n#define LIGHTS 1\n"), "b::g").contains("COUNT"));
 }
 
-/// Messages name the author's lines, although directives stand above these lines.
+/// Messages have the lines of the author's file, although Karat removes the directives above these lines.
 #[test]
 fn places_are_those_of_the_authors_file() {
     let package = oil().feature("GROUP", 12_345_678);
@@ -306,7 +306,7 @@ fn names_that_two_files_give_are_errors() {
     1 | #import a::b::g
       |               ^ imported here
       |
-      = modules `package::one` and `package::two` both declare `#define_import_path a::b`
+      = modules `package::one` and `package::two` both declare `#define_import_path a::b`: give one module another path
     "#);
     linked(&two("#define_import_path a::c\n"), "user::f");
     let shared = |first: &'static str| {
@@ -315,7 +315,7 @@ fn names_that_two_files_give_are_errors() {
         Package::from_modules("m", [("one", first), ("two", two), ("user", user)])
     };
     assert_snapshot!(error(&shared("const A = 1.0; const g = 2.0;"), "user::f"), @r#"
-    error: `g` is declared in two files that share a name space
+    error: `g` is declared in two files that are included or joined together
       --> <two>:1:4
       |
     1 | fn g(x: f32) -> f32 { return 2.0 * x; }
@@ -401,7 +401,7 @@ fn included_files_share_one_name_space() {
     "#);
 }
 
-/// Bevy's WESL reads values of features from a package that has no file.
+/// Bevy's WESL imports the values of features as constants from the module `constants`, which has no file.
 // Lesson 34
 #[test]
 fn values_of_features_are_constants() {
@@ -522,7 +522,7 @@ fn other_preprocessors_are_named() {
       = to expand the text, write a `preprocess` command into karat.toml beside the modules, or use `Package::from_modules` in Rust
     "#);
     assert_snapshot!(error(&one("#import \"shaders/a.wgsl\" as a\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
-    error: an import by an asset's path isn't WGSL: an engine's asset server must expand it
+    error: an import by an asset's path isn't WGSL: the asset server of a game engine must expand it
       --> <s>:1:1
       |
     1 | #import "shaders/a.wgsl" as a
@@ -565,7 +565,7 @@ fn a_name_that_no_module_gives_itself_is_an_error() {
     "#);
 }
 
-/// A condition between an `if` and its `else` would remove a statement.
+/// A condition between an `if` and its `else` is an error, because it would cut a statement in two.
 #[test]
 fn a_condition_before_an_else_is_an_error() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    if x > 1.0 { y = 1.0; } @if(q) else { y = 2.0; }\n    \
@@ -653,7 +653,7 @@ fn karat_toml_says_what_expands_modules() {
 }
 
 /// Texts that a host program joins see each other's names. If a name is missing, the error says which module declares
-/// the name. A name that some module declares isn't a placeholder.
+/// the name. Values in `karat.toml` don't replace a name that a module declares.
 #[test]
 fn files_that_the_host_concatenates_share_their_names() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -706,7 +706,7 @@ fn files_that_the_host_concatenates_share_their_names() {
     for function in ["material::shade", "other::twice"] {
         let twice = error(&package(), function);
         assert!(
-            twice.contains("`tone` is declared in two files that share a name space"),
+            twice.contains("`tone` is declared in two files that are included or joined together"),
             "{twice}"
         );
     }
@@ -792,7 +792,7 @@ fn a_package_imports_from_itself_by_its_name() {
     assert!(said.contains("has no dependency `demo`"), "{said}");
 }
 
-/// An include finds a file by the file's path, even if another module declares the same path as its import path.
+/// An include finds a file by the file's path, even if another module has this path as its `#define_import_path`.
 #[test]
 fn a_file_is_included_beside_a_module_of_its_name() {
     let package = Package::from_modules(
@@ -835,8 +835,8 @@ fn karat_toml_is_read_again_when_it_changes() {
     }
 }
 
-/// Conditions may stand before statements and groups of statements. Declarations in a group are visible after the
-/// group. At other positions a condition is an error.
+/// Conditions may come before statements and before groups of statements. Declarations in a group are visible after the
+/// group. A condition inside of an expression or a type is an error.
 // Lesson 144
 #[test]
 fn wesl_conditions_are_allowed_only_where_wesl_allows_them() {
@@ -890,7 +890,8 @@ fn f(x: f32) -> f32 {
     }
 }
 
-/// If a condition is misspelt, its feature seems unused. The error names the condition, not the feature.
+/// If the author misspells `@if`, the condition's feature seems unused. The error names the misspelt condition, and
+/// doesn't call the feature unused.
 #[test]
 fn a_misspelt_condition_is_shown_beside_its_feature() {
     let text =
@@ -902,7 +903,7 @@ fn a_misspelt_condition_is_shown_beside_its_feature() {
     assert!(!other.contains("isn't a condition"), "{other}");
 }
 
-/// A condition that would leave half an item, or remove a comma of another item, is an error.
+/// A condition is an error if it would remove half of an `if`, or the comma between two members.
 // Lesson 144
 #[test]
 fn conditions_end_where_they_should() {
@@ -936,7 +937,8 @@ fn conditions_end_where_they_should() {
         .agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
 }
 
-/// Values in `karat.toml` replace the placeholders that a game engine's code would replace.
+/// Some game engines replace placeholders such as `{N}` in shaders. Values in `karat.toml` replace the same
+/// placeholders.
 // Lesson 145
 #[test]
 fn values_stand_for_placeholders() {

@@ -13,7 +13,7 @@ use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";
 
-/// An executor that multiplies its argument on the host. Its fields can plant faults in the executor.
+/// An executor that multiplies its argument on the host. A test can plant faults by the executor's fields.
 #[derive(Debug)]
 struct Fake {
     factor: f32,
@@ -23,7 +23,7 @@ struct Fake {
     path: Path,
 }
 
-/// A correct executor. It runs fewer cases at once than the checks have.
+/// A correct executor. The checks have more cases than this executor runs at once.
 const RIGHT: Fake = Fake { factor: 2.0, missing: 0, room: 100, path: Path::CPU };
 
 impl Executor for Fake {
@@ -91,7 +91,7 @@ fn a_custom_executor_is_checked_like_a_path() {
     assert_eq!(missing.to_string(), "path `cpu` returned 99 u32 words instead of 100");
 }
 
-/// Authors declare tolerances and known issues for an executor by its path or by its driver.
+/// A tolerance or a known issue can name an executor by the executor's path or driver.
 #[test]
 fn tolerances_and_known_issues_hold_on_an_executor() {
     let package = Package::from_source("s", SHADER);
@@ -133,7 +133,7 @@ fn executors_without_a_name_or_room_are_refused() {
     assert!(both.to_string().contains("another executor already has the path `cpu`"), "{both}");
 }
 
-/// A density runs on its sampler's executor. An executor set for the density is an error.
+/// A density runs on the executor of its sampler. If a test sets another executor for the density, that is an error.
 #[test]
 fn a_density_has_no_executor_of_its_own() {
     let wgsl = "fn sample(u: f32) -> f32 { return u; }\nfn twice(x: f32) -> f32 { return 1.0; }";
@@ -175,7 +175,7 @@ impl Executor for Calls {
     }
 }
 
-/// Frames of an executor are judged like frames of a driver.
+/// Karat judges the frames of an executor like the frames of a driver.
 #[test]
 fn an_executor_draws_frames_or_says_that_it_does_not() {
     let package = Package::from_source("s", FRAME);

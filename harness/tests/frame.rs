@@ -76,7 +76,8 @@ fn drawn(fragment: &str, fixtures: bool) -> Vec<Image> {
     images
 }
 
-/// Each attribute arrives at its own location. The interpolated values are exact, because they are binary fractions.
+/// Each attribute arrives at its own location. All expected values are binary fractions, so `f32` represents them
+/// exactly.
 #[test]
 fn attributes_reach_the_vertex_function() {
     for image in drawn("attributes", false) {
@@ -108,7 +109,7 @@ fn is_mean(error: &FrameError) -> bool {
     }
 }
 
-/// The mean of a rectangle is compared without a golden. A mean with NaN fails.
+/// The check of a rectangle's mean colour needs no golden. If the mean is NaN, the check fails.
 #[test]
 fn the_mean_of_a_rectangle_is_what_is_expected() {
     let package = Package::from_source("frame", SHADER);
@@ -186,7 +187,7 @@ fn the_most_particular_tolerance_holds() {
     assert!(matches!(error, FrameError::Tolerance(_)), "{error}");
 }
 
-/// A pending frame keeps its AOVs and its author's facts.
+/// A pending frame keeps its AOVs (additional images of intermediate values) and the facts that its author adds.
 #[test]
 fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
     let folder = tempfile::tempdir().expect("a temporary folder");

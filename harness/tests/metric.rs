@@ -102,8 +102,8 @@ fn flip_values_equal_those_of_the_published_implementation() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// The exposure with the largest error is the exposure that the program of FLIP's authors reports, if Karat's
-/// additional exposures show no larger error.
+/// For each pixel, Karat and the program of FLIP's authors report the same exposure. If one of the exposures that only
+/// Karat tries shows a larger error, Karat reports that exposure instead.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;
@@ -180,8 +180,8 @@ fn exposures_tell_highlights_from_shadows() {
     assert!(masked.at(104, 95).is_none() && masked.at(105, 95).is_some(), "{masked:?}");
 }
 
-/// LDR-FLIP compares the images of the pairs as a display shows them. Only one half of `far` differs, so only that half
-/// is computed.
+/// LDR-FLIP compares two images as a display shows them. The images of the pair `far` differ only in one half, so Karat
+/// computes only that half of the error map.
 #[test]
 fn ldr_flip_is_what_its_authors_compute() {
     let default = Flip::MEAN.pixels_per_degree;
@@ -219,7 +219,7 @@ fn ldr_flip_sees_no_alpha_and_nothing_that_a_display_clips() {
     assert!(map.values().is_empty() && map.mean(&same) == 0.0);
 }
 
-/// A small fault gives the same values in a part of the error map as in the whole map.
+/// If a fault is small, Karat computes only a part of the error map. The values are the same as in the whole map.
 #[test]
 fn a_part_of_the_map_is_that_of_the_whole() {
     let golden = image(160, 120, |x, y, c| 2.0 * random(x, y, c, 3));
@@ -249,8 +249,8 @@ fn a_part_of_the_map_is_that_of_the_whole() {
     }
 }
 
-/// FLIP doesn't detect differences in alpha, in negative values, and in values that are white at the golden's
-/// exposures.
+/// FLIP doesn't see differences in alpha, in negative values, and in pixels so bright that they are white at each of
+/// the golden's exposures. Karat reports these differences.
 #[test]
 fn differences_that_flip_misses_fail() {
     let golden = image(64, 64, |x, y, c| random(x, y, c, 4));
@@ -439,7 +439,7 @@ fn tile_means_include_only_compared_pixels() {
     assert_eq!(map.mean(&pair), 49.0 * 0.25 / 799.0);
 }
 
-/// A fault in the dark is detected beside a bright part of the frame.
+/// Karat detects a fault in the dark half of a frame whose other half is bright.
 #[test]
 fn the_dark_half_of_a_bright_frame_is_seen() {
     let scene = |ground: [f32; 3]| {

@@ -1,7 +1,7 @@
-//! Programs with a few atomics: tests of passes must find the outcomes that other orders have.
+//! Generated programs with a few atomics. A test of passes must find each outcome that some order of the atomics has.
 //!
-//! No program has a race, so its outcome depends only on the order of its atomics. To know all outcomes, these tests
-//! run each order of the atomics with their own simple interpreter.
+//! The programs have no races, so the outcome of a program depends only on the order of its atomics. A simple
+//! interpreter in this file runs all orders, to know all outcomes.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -9,7 +9,7 @@ use std::fmt::Write as _;
 use karat::compute::ComputeError;
 use karat::prelude::*;
 
-/// An atomic of a generated program.
+/// An atomic operation of a generated program.
 #[derive(Clone, Copy, Debug)]
 enum Atomic {
     Load,
@@ -19,7 +19,7 @@ enum Atomic {
     Exchange(u32),
 }
 
-/// The index of the atomic, and the operation.
+/// The index of an element in the array of atomics, and the operation on this element.
 type Step = (usize, Atomic);
 
 const WORDS: usize = 3;
@@ -35,7 +35,7 @@ fn run((at, atomic): Step, memory: &mut [u32; WORDS]) -> u32 {
     if let Atomic::Store(_) = atomic { 0 } else { old }
 }
 
-/// The values that the last invocation reads, for each order.
+/// All outcomes of a program. An outcome is the list of values that the last invocation reads in one order.
 fn outcomes(program: &[Vec<Step>]) -> BTreeSet<Vec<u32>> {
     fn go(
         program: &[Vec<Step>],
@@ -127,7 +127,7 @@ impl Random {
     }
 }
 
-/// Runs a test that fails if some order has the outcome.
+/// Runs a test of the program `text`. The test fails if `out[0]` isn't 1 in some order.
 fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
     let package = Package::from_source("m", text);
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
@@ -137,11 +137,11 @@ fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
     after.try_agrees_with([1_u32], Abs(0.0)).map(drop)
 }
 
-/// If a test forbids an outcome that only an unusual order has, the test nearly always fails.
+/// A test that forbids an outcome fails nearly always, even if only an unusual order has this outcome.
 // Lesson 216
 #[test]
 fn tests_nearly_always_find_outcomes_of_unusual_orders() {
-    /// The number of programs, and the least number of outcomes that the tests must find.
+    /// The number of programs. The tests must find the forbidden outcomes of at least `LEAST` programs.
     const COUNT: usize = 150;
     const LEAST: usize = 150;
     let mut random = Random(0x6f72_6465);
@@ -172,7 +172,7 @@ fn tests_nearly_always_find_outcomes_of_unusual_orders() {
     assert!(found >= LEAST, "{found} of {tried}");
 }
 
-/// A test that forbids an impossible outcome passes, although stores may be late.
+/// A test that forbids an impossible outcome passes, although the engine may delay stores.
 // Lesson 217: outcomes that no device has
 #[test]
 fn outcomes_of_no_order_are_never_met() {
@@ -205,7 +205,8 @@ fn outcomes_of_no_order_are_never_met() {
     }
 }
 
-/// A program with two invocations, in one workgroup or in two. Each runs its own statements.
+/// A program with two invocations, in one workgroup or in two. One invocation runs the statements `first`, and the
+/// other runs `second`.
 fn litmus(first: &str, second: &str, workgroups: u32) -> String {
     let other = if workgroups == 1 { "g.x == 7u" } else { "g.x == 9u" };
     format!(
@@ -291,8 +292,8 @@ fn outcomes_of_relaxed_atomics_are_met() {
     assert!(!order.to_string().contains("atomics are relaxed"), "{order}");
 }
 
-/// Two atomic operations of an invocation have an order only if a barrier or a pass boundary lies between them, or if
-/// both use the same `u32`.
+/// Other invocations see two atomic operations of an invocation in the written order only if a barrier or a pass
+/// boundary lies between the operations, or if both operations use the same `u32`.
 // Lesson 217
 #[test]
 fn only_barriers_passes_and_the_same_word_order_two_atomics() {

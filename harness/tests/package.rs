@@ -67,7 +67,8 @@ fn imports_are_followed_through_modules_and_packages() {
     assert!(!kernel.contains("square"), "{kernel}");
 }
 
-/// A test names a function of a dependency in the same way as an import does. The package's own functions come first.
+/// A test names a function of a dependency like an import: `shaders::pbr::f`. If the package itself has a function of
+/// this name, the test calls the package's own function.
 #[test]
 fn a_function_agrees_with_one_of_another_package() {
     let shaders = |factor: &str| {
@@ -404,8 +405,8 @@ fn a_package_of_tests_alone_is_valid() {
     assert!(nothing.expect_err("nothing").to_string().contains("no entry point and no test"));
 }
 
-/// The path of a module is the module's name. If a symbolic link leads to the module's folder again, the module gets no
-/// second name.
+/// The path of a module's file gives the module's name. A symbolic link to a folder of the same package gives its
+/// modules no second name.
 // Lesson 188
 #[cfg(unix)]
 #[test]

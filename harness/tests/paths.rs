@@ -1,5 +1,5 @@
-//! Every verb has a verdict for every path. The tests use two executors: either only the second executor returns wrong
-//! values, or the first executor returns nothing.
+//! Every verb has a verdict for every path. The tests use two executors, and plant a fault in one of them or in both:
+//! the executor returns wrong values, for example, or returns nothing.
 
 use glam::{DQuat, Vec2, Vec3};
 use karat::Path;
@@ -55,7 +55,7 @@ enum Fault {
     PanicsLate,
 }
 
-/// An executor that computes the functions above on the host.
+/// An executor that computes the functions of `SHADER` on the host.
 #[derive(Debug)]
 struct Fake {
     name: &'static str,
@@ -65,7 +65,7 @@ struct Fake {
 /// A compiled function of the executor.
 struct Ready {
     name: String,
-    /// The number of `u32`s of the arguments. `words` is the number of `u32`s of the result.
+    /// The number of `u32`s in the arguments of a case. `words` is the number of `u32`s in its result.
     width: usize,
     words: usize,
     fault: Fault,
@@ -205,7 +205,7 @@ fn package() -> Package {
     Package::from_source("paths", SHADER)
 }
 
-/// A verb's name, and a function that runs it on two paths and returns its message.
+/// A verb's name, and a function that runs the verb on two executors and returns the message of the failure.
 type Verb = (&'static str, fn(&[Fake; 2]) -> Result<(), String>);
 
 fn told<T, E: std::fmt::Display>(result: Result<T, E>) -> Result<(), String> {
@@ -497,7 +497,7 @@ fn a_path_that_refuses_is_declared_by_itself() {
     }
 }
 
-/// A program can match on each kind of error.
+/// An error of several paths contains the error of each path, so a program can match on its kind.
 // Lesson 172
 #[test]
 fn failures_of_paths_are_data() {

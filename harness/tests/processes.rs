@@ -60,7 +60,7 @@ const KNOWN: &[(&str, usize, Bound)] = &[
     ("translate/src/tool.rs", 2, Deadline),
 ];
 
-/// Counts calls of `Command::new` outside tests.
+/// A counter for the uses of `Command::new` outside tests.
 #[derive(Default)]
 struct Started(usize);
 

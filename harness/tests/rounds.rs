@@ -21,7 +21,7 @@ fn paths() -> Vec<Path> {
     paths
 }
 
-/// Checks if the driver of this path is llvmpipe, which leaves long loops.
+/// Checks if the driver of this path is llvmpipe, which leaves long loops before their end.
 fn leaves(path: Path) -> bool {
     adapter(path).expect("it opens").name.contains("llvmpipe")
 }
@@ -74,8 +74,8 @@ fn rounds_of_all_loops_of_an_invocation_are_added() {
     }
 }
 
-/// Each time when the code around a loop runs, the driver counts an iteration for this loop, even if no case enters the
-/// loop. So the driver leaves other loops after fewer iterations.
+/// The driver counts an iteration for a loop each time that the code around the loop runs, even if no case enters the
+/// loop. So the driver leaves the other loops of the function after fewer iterations.
 // Lesson 55
 #[test]
 fn loops_that_are_never_entered_count() {
@@ -106,8 +106,8 @@ fn loops_that_are_never_entered_count() {
     counts("before", 65_000, &[65_535, 131_072]);
 }
 
-/// The invocations of one vector share the driver's counter of iterations. Each of these cases would have few enough
-/// iterations in a vector without the other cases.
+/// The driver runs several invocations in one vector, and one counter adds up their iterations. Karat still gives each
+/// case the results that the case has alone.
 // Lesson 55
 #[test]
 fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {
@@ -136,7 +136,7 @@ fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {
     }
 }
 
-/// If naga's IR shows that loops are bounded, their kernel contains no counter.
+/// If naga's IR shows that a function's loops are bounded, the function's kernel contains no counter of iterations.
 // Lesson 55: loops that need no counter
 #[test]
 fn bounded_loops_have_the_plain_kernel() {
@@ -146,7 +146,8 @@ fn bounded_loops_have_the_plain_kernel() {
     assert!(probed(SPIN, "spin").kernel().contains("karat_index"));
 }
 
-/// Iterations are also counted in frames: in fragment and vertex shaders, and in the functions that these call.
+/// Karat also counts the iterations of loops in frames: in vertex and fragment functions, and in the functions that
+/// they call.
 // Lesson 55
 #[test]
 fn loops_of_frames_are_watched() {

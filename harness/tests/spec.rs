@@ -51,7 +51,7 @@ fn census(result: Result<karat::check::Agreement, Failure>) -> Census {
     disagreement(result).paths[0].census
 }
 
-/// A driver that multiplies by `factor` where the function multiplies by 3.
+/// A driver that multiplies by `3 * factor` where the function `f` multiplies by 3.
 #[derive(Debug)]
 struct Driver {
     factor: f32,
@@ -60,7 +60,8 @@ struct Driver {
 #[derive(Debug)]
 struct Ready {
     factor: f32,
-    /// The name of the function: `f`, or the `let` with the product.
+    /// The text of the kernel. The text shows which value the driver must compute: the result of `f`, or one of its
+    /// `let`s.
     name: String,
 }
 
@@ -85,8 +86,8 @@ impl Prepared for Ready {
         4096
     }
 
-    /// Computes the WGSL function `f`, which returns `(3 x) (3 x)`. If a probe reads a `let` of `f`, computes the value
-    /// of this `let`.
+    /// Computes the WGSL function `f`, which returns `(3 x) (3 x)`. If the kernel reads a `let` of `f`, computes the
+    /// value of this `let`.
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
         let is_of = |binding: &str| self.name.contains(&format!("karat_let = {binding};"));
         let (same, thrice) = (is_of("same"), is_of("thrice"));
@@ -164,8 +165,7 @@ fn a_specification_that_judges_nothing_is_an_error() {
     }
 }
 
-/// A function with the sine of angles for which WGSL gives no bound. Its checks run on the paths that the environment
-/// selects.
+/// A function with sines of large angles. WGSL gives no bound for the error of such sines.
 const WAVE: &str = "fn f(x: f32) -> f32 { return 0.5 * sin(4.0 + 40.0 * x); }";
 
 // Lesson 92
@@ -200,7 +200,7 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
     assert!(check(pow, |x| x.powi(5), Spec.into()).is_err(), "0 is a case");
 }
 
-/// A result outside the measured bounds means that the driver is less accurate than it was.
+/// If a result is outside the measured bounds, the message says that the driver is less accurate than Karat measured.
 // Lesson 92
 #[test]
 fn results_below_the_measured_accuracy_are_reported() {
@@ -212,7 +212,8 @@ fn results_below_the_measured_accuracy_are_reported() {
     assert!(text.contains("the driver is less exact here than Karat measured"), "{text}");
 }
 
-/// With each tolerance, a failing check prints WGSL's bound and the first `let` whose value is outside its bound.
+/// A failing check compares the result with WGSL's bounds, even if its tolerance isn't `Spec`, and prints the first
+/// `let` whose value is outside of its bound.
 #[test]
 fn the_first_binding_that_leaves_what_is_allowed_is_blamed() {
     let result = check_on(&Driver { factor: 1.01 }, SQUARE, |x| 9.0 * x * x, Rel(1e-4));
@@ -267,7 +268,7 @@ impl Prepared for Returns {
     }
 }
 
-/// The two floats next to an exact sum. An implementation may return either float.
+/// The two floats between which the exact sum lies. WGSL allows either float as the result.
 fn rounded(exact: f64) -> [f32; 2] {
     let nearest = exact as f32;
     match f64::from(nearest).partial_cmp(&exact) {
@@ -277,7 +278,8 @@ fn rounded(exact: f64) -> [f32; 2] {
     }
 }
 
-/// The sum of three terms passes in each order, and a sum one ULP outside all orders fails.
+/// The sum of three terms passes in each order of addition. A result fails if it is one ULP below or above the results
+/// of all orders.
 // Lesson 168: a result one ULP beyond fails
 #[test]
 fn a_sum_of_three_terms_passes_in_any_order_of_addition() {
@@ -314,7 +316,7 @@ fn a_sum_of_three_terms_passes_in_any_order_of_addition() {
     assert_eq!(beyond, 18);
 }
 
-/// If another order of the terms overflows, WGSL allows any result, and the message says so.
+/// If a product overflows in another order of its factors, WGSL allows any result. The message says so.
 // Lesson 168: overflow is reported
 #[test]
 fn an_order_that_overflows_is_named() {
@@ -330,8 +332,8 @@ fn an_order_that_overflows_is_named() {
     );
 }
 
-/// Each function agrees with itself on the paths that the environment selects. Mesa's compilers evaluate some of these
-/// functions in another order.
+/// Each function agrees with a reference that computes the same expression. Mesa's compilers add the terms of some of
+/// these functions in another order.
 // Lesson 168: each order of terms lies within the bound
 #[test]
 fn a_function_agrees_with_itself_in_any_order() {
@@ -360,8 +362,8 @@ fn a_function_agrees_with_itself_in_any_order() {
     wrapped.function("f").over(over).agrees_with(reference, Spec.or(Abs(300.0)));
 }
 
-/// A filter of equal texels isn't exact, and neither is a normalised integer divided by 255. The checks run on the
-/// paths that the environment selects.
+/// `Spec` allows small errors when a sampler filters equal texels, and when a driver divides an 8-bit integer of a
+/// texel by 255.
 // Lesson 169
 #[test]
 fn texels_are_as_exact_as_formats_and_filters() {
@@ -396,7 +398,7 @@ impl Random {
         of[self.below(of.len() as u32) as usize]
     }
 
-    /// A random expression of parameters with these numbers of components.
+    /// A random expression. `parameters` contains the number of components of each parameter.
     fn number(&mut self, parameters: &[u8], depth: u32) -> String {
         if depth == 0 || self.below(8) == 0 {
             if self.below(4) == 0 {
@@ -472,7 +474,7 @@ impl Random {
     }
 }
 
-/// An executor of this machine under the name `cpu@here`.
+/// An executor that runs on another executor of this machine, and has the path `cpu@here`.
 #[derive(Debug)]
 struct Here(&'static dyn Executor);
 
@@ -490,16 +492,16 @@ impl Executor for Here {
     }
 }
 
-/// The function for which Mesa's drivers return a result outside WGSL's bound, with the reason. The test fails if the
-/// drivers return a result within the bound.
+/// A path, an expression for which Mesa's driver returns a result outside WGSL's bound on this path, and the reason.
+/// The test fails if the driver returns a result within the bound.
 const BEYOND: [(&str, &str, &str); 1] = [(
     "gl",
     "dot(vec2f(p1.x, p1.y), vec2f(p1.y, p1.x))",
     "x y + y x is computed as x (y + y), which overflows",
 )];
 
-/// No correct path fails: neither a driver of this machine, nor the engine with its ways to round, fuse and flush. The
-/// test runs a sample of the hundred functions, or all of them in `cargo ci full`.
+/// `Spec` accepts the results of each driver of this machine, and of the engine in all its modes (`cpu:fma`,
+/// `cpu:ftz`). The test generates 12 random functions, or 100 in `cargo ci full`.
 #[test]
 fn no_path_is_called_wrong_by_a_function_of_floats() {
     const CASES: u64 = 1024;

@@ -1,4 +1,4 @@
-//! Values of fragment functions on all pixels: each value comes from the right pixel and the right draw.
+//! Tests of `tap` and `trace`: each value of a fragment function comes from the right pixel and the right draw.
 
 use glam::{Vec2, Vec3};
 use karat::draw::{Blend, Draw, Format, Mesh};
@@ -122,7 +122,7 @@ fn floats(tapped: &Tapped) -> Vec<f32> {
     tapped.lanes.iter().map(|lane| f32::from_bits(*lane)).collect()
 }
 
-/// Calls `check` for each driver with the value on 4 x 2 pixels.
+/// Draws the frame of 4 x 2 pixels on each driver, and calls `check` with the value that `tap` reads on each pixel.
 fn each(frame: impl Fn(&Package) -> Frame<'_>, tap: &Tap, check: impl Fn(&Tapped)) {
     let package = package();
     let drivers = drivers();
@@ -252,8 +252,8 @@ fn several_targets_and_depth_stay() {
     }
 }
 
-/// One draw reads up to 32 bytes per pixel. If one draw reads several values, each value is the same as if the draw
-/// read only this value.
+/// Karat reads several values in one draw, up to 32 bytes per pixel. Each value is the same as if Karat read only this
+/// value.
 // Lesson 214
 #[test]
 fn values_read_in_one_draw_equal_values_read_alone() {
@@ -315,7 +315,8 @@ fn places_name_the_largest_expression() {
     assert!(elsewhere.contains("run no code in this file"), "{elsewhere}");
 }
 
-/// The steps of a trace that have a name, with their `f32` values, as `tap` shows them.
+/// The names and values of the named steps of a trace. The values are converted to `f32`, to compare them with the
+/// values of `tap`.
 fn named_steps(traced: &karat::unstable::frame::TracedPixel) -> Vec<(String, Vec<f32>)> {
     use karat::unstable::trace::Value;
     let float = |value: &Value| match value {
@@ -329,7 +330,7 @@ fn named_steps(traced: &karat::unstable::frame::TracedPixel) -> Vec<(String, Vec
     named.map(|(name, values)| (name, values.iter().map(float).collect())).collect()
 }
 
-/// For a pixel, the engine computes the same values as a driver, and the colour of the frame.
+/// In a trace of a pixel, the engine computes the same values and the same colour as the driver.
 // Lesson 39
 #[test]
 fn a_traced_pixel_is_the_drawn_one() {
@@ -376,7 +377,8 @@ fn a_traced_pixel_is_the_drawn_one() {
     }
 }
 
-/// Derivatives are those of the pixel's quad. If several draws cover the pixel, the trace shows the visible draw.
+/// A trace computes derivatives over the pixel's quad. If several draws cover the pixel, the trace shows the visible
+/// draw.
 // Lesson 39
 // Lesson 210
 #[test]
@@ -441,8 +443,8 @@ fn a_traced_pixel_has_the_derivatives_of_its_quad() {
     }
 }
 
-/// A number that naga converts to a vector is shown as a number, an alias has the value of its original, and components
-/// have names.
+/// `tap` shows the author's types: a number stays a number, even if naga converts it to a vector. `tap` also reads
+/// aliases of values, and members such as `pair.many.x`.
 #[test]
 fn types_aliases_and_parts_are_the_author_s() {
     let package = package();
@@ -541,7 +543,7 @@ fn inside(in: In) {
 }
 ";
 
-/// Each invocation of a pass has its value, on the engine and on drivers.
+/// In a pass, `tap` reads the value of each invocation, on the engine and on drivers.
 // Lesson 39
 #[test]
 fn each_invocation_of_a_pass_has_its_traced_value() {

@@ -10,7 +10,7 @@ use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// Checks if naga accepts a file, with the capabilities that wgpu has.
+/// Checks if naga accepts a text, with all of naga's capabilities turned on.
 fn naga_accepts(text: &str) -> bool {
     let Ok(module) = naga::front::wgsl::parse_str(text) else { return false };
     Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
@@ -25,7 +25,7 @@ fn value(package: &Package, function: &str) -> f32 {
     f32::from_bits(results.expect("it runs")[0][0])
 }
 
-/// Literals that a lexer easily reads wrong, with their values.
+/// Literals that are difficult to parse, with their values.
 const LITERALS: [(&str, f32); 24] = [
     ("0x1p-2", 0.25),
     ("0x1.8p-3", 0.1875),
@@ -53,7 +53,7 @@ const LITERALS: [(&str, f32); 24] = [
     ("f32(0x7fffffff)", 2_147_483_600.0),
 ];
 
-/// Texts that naga accepts and other parsers of WGSL refuse.
+/// Karat accepts texts that naga accepts, even if other parsers of WGSL refuse them.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn texts_that_naga_accepts_are_accepted() {
@@ -95,7 +95,8 @@ fn literals_of_every_form_have_their_values() {
     }
 }
 
-/// Text that the linker can't read is an error at each position. The linker never drops such text.
+/// If a function contains text that isn't WGSL, such as `x # 2.0`, the linker reports an error. The linker never drops
+/// such text.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn invalid_tokens_are_refused() {
@@ -127,7 +128,7 @@ fn is_published() -> bool {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(".cargo_vcs_info.json").exists()
 }
 
-/// The shaders of this repository: the library and the examples.
+/// The packages of shaders in this repository: the shader library and the examples.
 fn own_shaders() -> Vec<Package> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let many = if is_published() { "tests/strangers/shaders" } else { "../shaders" };
@@ -135,7 +136,7 @@ fn own_shaders() -> Vec<Package> {
     folders.iter().map(|folder| Package::open(folder).expect("a folder")).collect()
 }
 
-/// The linked modules of this repository: WGSL without imports.
+/// The linked text of each module in this repository. Linked text has no imports.
 fn plain_texts() -> Vec<String> {
     let mut texts = Vec::new();
     for package in own_shaders() {
@@ -147,7 +148,7 @@ fn plain_texts() -> Vec<String> {
     texts
 }
 
-/// A linked function equals the author's text except for names: where the two texts differ, each text has a whole word.
+/// A linked function equals the author's text except for names: the texts differ only in whole words.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn linked_functions_are_the_authors_bytes_but_for_names() {
@@ -334,7 +335,8 @@ fn damaged(texts: &[Vec<String>], number: usize) -> String {
     pieces.concat()
 }
 
-/// Compares Karat's verdict on a text with naga's. Returns `true` if both accept the text.
+/// Checks that Karat and naga both accept a text or both refuse it. Only WESL may be an exception. Returns `true` if
+/// naga accepts the text.
 fn compare(text: &str, number: usize) -> bool {
     let package = Package::from_source("damaged", text);
     let karat = Program::of_module(&package, "");
@@ -359,7 +361,7 @@ fn compare(text: &str, number: usize) -> bool {
     naga
 }
 
-/// These texts ended the process or took seconds, until Karat had limits.
+/// Before Karat had limits for such texts, they crashed the process or took seconds.
 // Lesson 56
 #[test]
 fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
@@ -427,7 +429,8 @@ fn five_thousand_functions_are_listed() {
     }
 }
 
-/// A shader may declare functions and resources with the names of WGSL's builtin functions.
+/// A shader may declare functions, structures and variables with the names of WGSL's builtin functions and types, such
+/// as `clamp` or `vec2`.
 // Lesson 51
 #[test]
 fn names_of_wgsl_may_be_declared() {
@@ -457,7 +460,7 @@ fn names_of_wgsl_may_be_declared() {
     assert_eq!(value(&modules, "a::f"), 1.5);
 }
 
-/// Names that mean something other than the import aren't replaced.
+/// The linker replaces a name only where the name means the import: a local variable of the same name stays as it is.
 // Lesson 51
 #[test]
 fn only_names_that_mean_the_import_are_replaced() {
@@ -523,7 +526,7 @@ fn conditions_choose_wherever_they_may_stand() {
     assert_eq!(value_with(&[("a", true), ("b", true)]), 412.51);
 }
 
-/// An error is found even if no test calls the function with the error.
+/// Karat finds an error in a function even if no test calls this function.
 // Lesson 53
 #[test]
 fn functions_that_no_test_reaches_are_validated() {
@@ -571,7 +574,7 @@ fn an_unknown_function_is_not_another_modules_error() {
     assert!(error("m::ff").contains("has no function `m::ff`"), "{}", error("m::ff"));
     assert!(error("m::b").contains("declared under `@if(fast)`"), "{}", error("m::b"));
     let unknown =
-        "package `s` has no function `n::f` among its functions (1); did you mean `m::f`?";
+        "package `s` has no function `n::f` (functions in the package: 1); did you mean `m::f`?";
     assert_eq!(error("n::f"), unknown, "of a module that isn't there");
     let Err(ProbeError::Reflect(ReflectError::Package(PackageError::Inactive { .. }))) =
         Probed::new(&package, "m::b")
@@ -580,7 +583,8 @@ fn an_unknown_function_is_not_another_modules_error() {
     };
 }
 
-/// An import that gives a name a second meaning is refused at the import. The same import may occur twice.
+/// If an import gives a name a second meaning in its module, Karat reports an error at the import. A module may contain
+/// the same import twice.
 // Lesson 75
 #[test]
 fn an_import_that_gives_a_name_a_second_meaning_is_refused() {
@@ -619,7 +623,7 @@ fn modules_and_dependencies_have_names_of_their_own() {
     assert!(error.contains("two dependencies named `noise`"), "{error}");
 }
 
-/// Each file that looks like a module is read, or is an error.
+/// Karat reads each file that looks like a module, or reports an error at this file.
 // Lesson 76
 #[test]
 fn every_file_of_a_package_is_looked_at() {
@@ -666,7 +670,7 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
     assert!(error.contains("<s>:2:1"), "{error}");
 }
 
-/// A link to a parent folder doesn't cause an endless search.
+/// A symbolic link to a parent folder doesn't cause an endless search.
 // Lesson 56
 #[cfg(unix)]
 #[test]

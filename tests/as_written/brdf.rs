@@ -1,4 +1,4 @@
-//! Tests reflectances in the form that the sources print.
+//! Tests BRDFs with the mistakes of papers and lectures. `shaders/README.md` lists the mistakes by number.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_4, PI};
 
@@ -16,12 +16,12 @@ fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// Directions at least 6 degrees above the horizon, where edges have no effect.
+/// Directions at least 6 degrees above the horizon, where rounding and clamps have little effect.
 fn above() -> impl Domain<Value = Vec3> {
     Hemisphere.filter(|direction: &Vec3| direction.z > 0.1)
 }
 
-/// Reflectances whose Fresnel term doesn't cancel.
+/// Reflectances of at least 0.02, for which Schlick's formula keeps its relative precision.
 fn reflectance() -> impl Domain<Value = Vec3> {
     UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
 }
@@ -102,7 +102,7 @@ fn cook_torrance_as_quoted_is_too_bright() {
     furnace().agrees_with(|_| DVec3::splat(FRAC_PI_4.recip()), Abs(1e-4));
 }
 
-/// The arguments are albedo, f0, exponent, v and l.
+/// Arguments of the tri-Ace BRDF: albedo, f0, exponent, v and l.
 fn tri_ace(
     exponent: impl Domain<Value = f32>,
 ) -> impl Domain<Value = (Vec3, Vec3, f32, Vec3, Vec3)> {
@@ -168,7 +168,8 @@ fn tri_ace_s_printed_bracket_takes_the_highlight() {
         );
 }
 
-/// The result is 1 / (2 N.V): 57.3 at 89.5 degrees, where the sum has a closed form.
+/// In a white furnace at alpha = 1, the result is 1 / (2 N.V). That is 57.3 instead of at most 1 for a view at 89.5
+/// degrees.
 #[test]
 fn without_g_grazing_views_glow() {
     let without = || PBR.function("as_written::brdf::microfacet_without_g");
@@ -181,8 +182,8 @@ fn without_g_grazing_views_glow() {
     furnace().agrees_with(|_| DVec3::splat(expected), Rel(1e-4));
 }
 
-/// Light from below contributes to the result. At alpha = 1, seen from above, the contribution of each direction down
-/// to the normal's opposite is 1 / (2 pi (1 + 0.001)) = 0.159.
+/// With clamped cosines, the BRDF isn't 0 for light from below. At alpha = 1, seen from above, the BRDF is 1 / (2 pi (1
+/// + 0.001)) = 0.159 for each of these directions.
 #[test]
 fn clamped_dots_reflect_light_from_below() {
     let clamped = || PBR.function("as_written::brdf::microfacet_of_clamped_dots");

@@ -1,4 +1,4 @@
-//! Tests Schlick's formula with `pow`.
+//! Tests Schlick's formula with `pow` instead of multiplications.
 
 use glam::Vec3;
 use karat::check::{Agreement, Failure};
@@ -16,7 +16,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The disagreement, or `None` if all drivers are of these `families`, which can't show the fault.
+/// The disagreement; `None` if all drivers belong to `families`, whose drivers don't show the mistake.
 fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
     let may_agree = |adapter: &Adapter| families.contains(&adapter.family().as_str());
     match result {
@@ -30,8 +30,8 @@ fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Optio
 }
 
 /// If a mirror is seen at normal incidence, the half vector equals the view vector. For a fifth of the vectors
-/// normalised in f32, the dot product of the vector with itself rounds to above 1. Then the power is NaN: in 20 % of
-/// the cases.
+/// normalised in f32, the dot product of the vector with itself rounds to above 1. Then the base of `pow` is negative,
+/// and the result is NaN. This happens in 20 % of the cases.
 #[test]
 fn pow_of_a_cosine_above_one() {
     // The vectors are normalised in f32, as in a shader.

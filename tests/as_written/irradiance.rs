@@ -1,4 +1,5 @@
-//! Tests irradiance in the form that the sources print. All numbers hold for a furnace of radiance 1.
+//! Tests computations of irradiance with the mistakes of papers and lectures. In a white environment of radiance 1, the
+//! right result is 1.
 
 use glam::{DVec3, Vec3};
 use karat::check::{Calls, Failure};
@@ -46,13 +47,13 @@ fn normals() -> impl Domain<Value = Vec3> {
 /// The step sizes in the article.
 const PRINTED: (f32, f32) = (0.025, 0.1);
 
-/// Runs the article's loop in a furnace for all normals.
+/// A check of the article's loop in a white environment, for all normals.
 fn nested_loop(steps: (f32, f32)) -> karat::Check<'static, Calls<(Vec3, f32, f32)>> {
     furnace("nested_loop").over((normals(), Just(steps.0), Just(steps.1))).cases(16)
 }
 
-/// Mistake E18: the result is 0.9805, which is pi / 16 times the sum of cos sin. With the true steps the result is
-/// 1.0014.
+/// Mistake E18: the result is 0.9805, which is pi / 16 times the sum of cos sin. If each term is multiplied by the true
+/// step sizes, the result is 1.0014.
 #[test]
 fn the_loop_is_dark() {
     let correct = |_: DVec3, _: f64, _: f64| DVec3::ONE;
@@ -76,8 +77,8 @@ fn furnace_of_library(function: &str) -> karat::check::Probe<'static> {
 }
 
 /// Mistake E17: in a Monte Carlo estimate, four times as many terms would halve the error. Here the error stays: 0.9805
-/// becomes 0.9815, because 32 steps of 0.05 end at 1.6, as 16 steps of 0.1 do. No argument is a random number or the
-/// number of a sample.
+/// becomes 0.9815, because 32 steps of 0.05 end at 1.6, as 16 steps of 0.1 do. The loop isn't a Monte Carlo estimate,
+/// because it uses no random numbers.
 #[test]
 fn more_terms_are_not_more_samples() {
     let halved = (PRINTED.0 / 2.0, PRINTED.1 / 2.0);

@@ -1,5 +1,5 @@
-//! The mistakes of the source documents, with the functions in `shaders/as_written/`. An ordinary check catches each
-//! mistake, and finds the number that the mistake produces.
+//! Tests of the functions in `shaders/as_written/`, which contain the mistakes of papers and lectures. An ordinary
+//! check catches each mistake. `shaders/README.md` lists the mistakes by number: E3, P1.
 
 mod brdf;
 mod distribution;

@@ -1,4 +1,5 @@
-//! Tests the mistakes E3 to E6: irradiance without a cosine, strict conservation, the wrong cosine, and a mirror of 1.
+//! Tests the mistakes E3 to E6: irradiance without a cosine, `<` instead of `<=` for the conservation of energy, the
+//! wrong cosine, and a mirror whose BRDF is 1.
 
 use std::f64::consts::PI;
 
@@ -17,7 +18,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The radiance, and the number of rings that divide the hemisphere. A sum of 64 terms has 64 roundings.
+/// Pairs of a radiance, and a number of rings that divide the hemisphere. A sum over 64 rings has 64 roundings.
 fn skies() -> impl Domain<Value = (f32, u32)> {
     (1e-3..=1e3_f32, Integers(1..=64_u32))
 }
@@ -37,7 +38,7 @@ fn radiance_summed_without_its_cosine() {
     sky().agrees_with(|radiance: f64, _: u32| 2.0 * PI * radiance, SUM);
 }
 
-/// Mistake E4. The strict law is wrong for one albedo: it forbids the white Lambertian.
+/// Mistake E4. The law with `<` is wrong for one albedo: it forbids the white Lambertian.
 #[test]
 fn conservation_without_white() {
     let albedos = Grid::linear(0.0..=2.0, 201);

@@ -1,4 +1,4 @@
-//! Tests samplers in the form that the sources print.
+//! Tests samplers with the mistakes of papers and lectures.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,13 +17,13 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The share of failing cases. The share must be equal on all paths.
+/// The share of failing cases on the first path.
 fn share(found: &Disagreement) -> f64 {
     let census = &found.paths[0].census;
     census.failures as f64 / census.cases as f64
 }
 
-/// Mistake P6. Half of the azimuths are above pi.
+/// Mistake P6. Half of the azimuths are above pi, where WGSL gives no bound for the error of `sin` and `cos`.
 #[test]
 fn azimuths_leave_the_range_of_sine_and_cosine() {
     let uniform = (0..4096_u16).map(|i| (f32::from(i) + 0.5) / 4096.0);
@@ -39,7 +39,8 @@ fn azimuths_leave_the_range_of_sine_and_cosine() {
         .agrees_with(|u: f64| TAU * u, Ulp(1.0));
 }
 
-/// Mistake P3. At m = 0 and R.w = 1 the library's function returns the normal. The printed form computes 0 / 0.
+/// Mistake P3. At m = 0 and u.y = 1 the library's function returns the surface's normal. The lecture's formula computes
+/// 0 / 0.
 #[test]
 fn a_mirror_has_no_normal() {
     let edge = || (Just(0.0_f32), Just(Vec2::new(0.5, 1.0)));
@@ -54,13 +55,14 @@ fn a_mirror_has_no_normal() {
     PBR.function("sampling::ggx_normal").over(edge()).agrees_with(normal, Ulp(0.0));
 }
 
-/// Widths and random numbers for which the printed sampler's sine loses its digits.
+/// Widths and random numbers for which the lecture's formula loses the digits of the sine.
 fn smooth() -> impl Domain<Value = (f32, Vec2)> {
     // Samples well inside the lobe, along -X, for which sine and cosine of the azimuth are nearly exact.
     (1e-4..=1e-3_f32, (0.0..=0.0_f32, 0.1..=0.9_f32).map(|(x, y)| Vec2::new(x, y)))
 }
 
-/// Mistake P4. The error is relative to the sine, which is 5e-5 to 3e-3 here.
+/// Mistake P4. The lecture computes the sine from the rounded cosine, which is nearly 1. The true sine is 5e-5 to 3e-3
+/// here, and the lecture's sine has no right digit.
 #[test]
 fn sines_of_smooth_surfaces_are_lost() {
     let sine = |alpha: f64, u: DVec2| (alpha * u.y.sqrt()).atan2((1.0 - u.y).sqrt()).sin();
@@ -100,8 +102,8 @@ fn sines_of_smooth_surfaces_are_lost() {
         .agrees_with(sine, Rel(1e-6));
 }
 
-/// Mistake E14. Half of GGX's normals have a tangent below alpha, so the lecture's lobe is wider than Karis' by 1 /
-/// roughness.
+/// Mistake E14. The median of the tangent of GGX's normals is alpha. The lecture has alpha = roughness, and Karis has
+/// alpha = roughness^2, so the lecture's lobe is wider by the factor 1 / roughness.
 #[test]
 fn roughness_is_not_squared() {
     let median = || PBR.function("as_written::sampling::median_tangent").over(0.05..=0.9);
@@ -111,7 +113,8 @@ fn roughness_is_not_squared() {
     median().agrees_with(|roughness: f64| roughness, Rel(1e-4));
 }
 
-/// If the lowest 25 bits are set, the result is 1: the reversed number is less than half an ulp below 1.
+/// If the lowest 25 bits of the argument are set, the result is 1: the exact result is less than half an ulp below 1,
+/// and rounds to 1.
 #[test]
 fn a_radical_inverse_returns_one() {
     let inverse = || PBR.function("as_written::sampling::radical_inverse");
@@ -130,7 +133,7 @@ fn a_radical_inverse_returns_one() {
         .agrees_with(sampling::radical_inverse, Ulp(1.0));
 }
 
-/// The result is exactly 1 - 1/N.
+/// In a white environment, N plain Hammersley points give exactly 1 - 1/N instead of 1.
 #[test]
 fn plain_points_are_dark() {
     let furnace = || {
@@ -146,7 +149,7 @@ fn defect(basis: Mat3) -> f32 {
     difference.to_cols_array().into_iter().fold(0.0, |worst, entry| worst.max(entry.abs()))
 }
 
-/// Vectors outside the special case of Frisvad's paper. The divisor goes down to 2^-23.
+/// Vectors near -Z, but outside the special case of Frisvad's paper. The paper's divisor 1 + n.z goes down to 2^-23.
 fn near_the_lower_pole() -> impl Domain<Value = Vec3> {
     let around = (4.5e-4..=0.02_f32, 0.0..=1.0_f32).map(|(sine, turn)| {
         let (sine, phi) = (f64::from(sine), TAU * f64::from(turn));

@@ -1,4 +1,5 @@
-//! Tests specular light that exceeds a furnace's light, or comes from a wrong direction or level.
+//! Tests specular light with mistakes: more light than a white environment has, a wrong direction, or a wrong mip
+//! level.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;

@@ -1,4 +1,4 @@
-//! Does the same work without Karat: a hand-written wgpu loop for one function.
+//! Does the work of a check without Karat, for comparison: calls one function by hand-written wgpu code.
 
 use glam::DVec2;
 use shaders::sampling;
@@ -29,7 +29,8 @@ impl Bare {
         Self { device, queue }
     }
 
-    /// Runs from the source to the verdict, and returns the largest absolute error over `cases` cases.
+    /// Does all work from the compilation to the comparison with the reference, and returns the largest absolute error
+    /// over `cases` cases.
     pub(crate) fn run(&self, cases: u32) -> f64 {
         let inputs = Self::inputs(cases);
         self.call(&inputs, |outputs| {
@@ -59,7 +60,7 @@ impl Bare {
         inputs.iter().map(|input| expected(*input)[2]).sum()
     }
 
-    /// Runs from the source to the results: upload, dispatch and read-back.
+    /// Does all work from the compilation to the results: upload, dispatch and read-back.
     pub(crate) fn call<T>(&self, inputs: &[[f32; 3]], read: impl FnOnce(&[[f32; 3]]) -> T) -> T {
         let Self { device, queue } = self;
         let cases = u32::try_from(inputs.len()).expect("a dispatch of them");

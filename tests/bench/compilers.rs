@@ -1,4 +1,4 @@
-//! Times the verdict of both compilers on the whole library.
+//! Times the validation of the whole shader library by naga alone, and by naga and Tint.
 
 use shaders::PBR;
 

@@ -8,12 +8,12 @@ use shaders::{PBR, fresnel, sampling};
 
 use super::{STARTS, Spread, spawn};
 
-/// The number of checks in a process: as many as a small library has functions. The next constant is for a large
-/// library.
+/// The number of checks that a child process runs, as for a small library. `CHECKS` is the number for a large library.
 const FEW: usize = 10;
 const CHECKS: usize = 110;
 
-/// Runs a child's task on a path. If `cold`, the child has its own empty driver caches.
+/// Runs a task in a child process on a path, and returns the time in seconds and the printed number. If `cold`, the
+/// child has its own empty driver cache.
 fn on(path: &str, task: &str, cold: bool) -> (f64, f64) {
     let cache = tempfile::tempdir().expect("a temporary folder");
     let folder = cache.path().display().to_string();
@@ -84,8 +84,8 @@ pub(super) fn sanitizer() {
 /// The number of orders that the benchmark runs.
 const ORDERS: &str = "6";
 
-/// A shader in which each workgroup has a tile of 64 `u32`s. The workgroup's invocations add up the tile one after
-/// another. Each invocation then increments a counter, so the order of the invocations matters.
+/// A shader in which each workgroup has a tile of 64 `u32`s. Each invocation adds up the weighted values of the tile,
+/// and then increments a counter, so the order of the invocations matters.
 const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
     @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
     @group(0) @binding(2) var<storage, read_write> tickets: atomic<u32>;
@@ -132,7 +132,7 @@ fn passes() -> [f64; 2] {
     [1, 2].map(|at| median(at) / median(0))
 }
 
-/// Runs a child's task. Returns `false` if the task isn't one of this benchmark.
+/// Runs a task in the child process. Returns `false` if `task` isn't a task of this file.
 pub(super) fn child(task: &str) -> bool {
     match task {
         "few_checks" => checks(FEW, 1_000),
@@ -189,7 +189,8 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// A sum over 64 filtered samples of a cube map. The check has no reference, so only the path is measured.
+/// Runs a check of a sum over 64 filtered samples of a cube map. The check has no reference, so the benchmark measures
+/// only the path.
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::from_fn(32, |direction| 1.0 + 0.5 * direction))

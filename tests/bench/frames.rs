@@ -44,7 +44,8 @@ fn with_hole(image: &Image) -> Image {
     changed
 }
 
-/// Measures the peak memory for a frame that differs everywhere: both images, and FLIP for all pixels.
+/// Compares a frame that differs from its golden everywhere. The peak memory of this process then includes both images,
+/// and FLIP for all pixels.
 pub(super) fn compare_one() {
     let golden = golden();
     let actual = scaled(&golden, 1.01);

@@ -1,7 +1,8 @@
 //! Karat's benchmark, which `cargo ci bench` runs.
 //!
-//! The benchmark is built in the profile of `cargo test`, because authors wait for that profile. Machines are noisy, so
-//! one run measures compared tasks alternately, and each figure is a median with its spread.
+//! The benchmark is built in the profile of `cargo test`, because authors wait for that profile. Because the times of a
+//! machine vary, a run alternates between the tasks that it compares, and prints each figure as a median with its
+//! spread.
 
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
@@ -20,7 +21,7 @@ use shaders::{PBR, fresnel, sampling};
 
 use self::bare::Bare;
 
-/// Repetitions of tasks that start a process.
+/// The number of repetitions of each task that starts a process.
 const STARTS: usize = 9;
 
 /// The benchmarks by name.

@@ -45,7 +45,7 @@ fn write_project(folder: &Path) {
     write(folder, "shaders/brdf.wgsl", SHADER);
 }
 
-/// Runs the test with edit number `edit`.
+/// Writes edit number `edit` of the Rust test, runs the test, and returns the time in seconds.
 fn test(folder: &Path, edit: usize) -> f64 {
     let text = format!(
         "use karat::prelude::*;\n\nstatic SHADERS: Package = karat::package!(\"shaders\");\n\n\

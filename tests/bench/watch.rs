@@ -16,7 +16,7 @@ const MODULES: usize = 10;
 /// The number of edits. The benchmark prints the median.
 const EDITS: usize = 20;
 
-/// A limit far longer than the time to a verdict.
+/// The longest wait for a verdict, which is far longer than a verdict takes.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(super) fn run() {
@@ -46,7 +46,7 @@ pub(super) fn run() {
     }
 }
 
-/// The command line program, if the same build has made it.
+/// The program `karat`; `None` if `cargo build` hasn't made it in the benchmark's profile.
 fn karat() -> Option<PathBuf> {
     let own = std::env::current_exe().ok()?;
     let profile = own.ancestors().find(|folder| folder.join("deps").is_dir())?;

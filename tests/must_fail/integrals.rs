@@ -96,7 +96,7 @@ fn an_integral_above_its_bound() {
     let found = disagreement(integral().unrecorded().try_is_at_most(|_| 0.75, 0.03));
     assert_eq!(
         (found.check, &*found.assertion),
-        ("integral.is_at_most", "at most its bound, plus the slack abs 3e-2")
+        ("integral.is_at_most", "each integral is at most its bound, plus the slack abs 3e-2")
     );
     let text = found.to_string();
     let part = "at most = 0.75\n       error = abs 0.0354 (0.03 allowed)";
@@ -173,8 +173,8 @@ fn an_integral_of_nothing() {
         Err(failure @ Failure::Rule { .. }) => failure.to_string(),
         other => panic!("the rule was not refused: {other:?}"),
     };
-    let empty = "the quadrature rule of `f` has no nodes, so it can't integrate, for case \
-                 3: 0.75";
+    let empty = "for case 3 (0.75), the quadrature rule of `f` has no nodes, so it can't \
+                 integrate";
     assert_eq!(
         refused(integral(None).unrecorded().try_agrees_with(|x| f64::from(*x), Abs(6e38))),
         empty
@@ -183,7 +183,7 @@ fn an_integral_of_nothing() {
     for weight in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         let text = refused(integral(Some(weight)).unrecorded().try_is_at_most(|_| 1e300, 6e38));
         let expected = format!(
-            "the quadrature rule of `f` has the weight {weight} at node 1, but weights must be finite, for case 3: 0.75"
+            "for case 3 (0.75), the quadrature rule of `f` has the weight {weight} at node 1, but weights must be finite"
         );
         assert_eq!(text, expected);
     }

@@ -934,6 +934,6 @@ fn a_race_with_a_function_above() {
         let left = passes.dispatch("own", [1, 1, 1]).on(cpu).after("data").unrecorded();
         let Err(ComputeError::Violations(found)) = left.try_is_written() else { panic!("a race") };
         let advice = &found.all[0].advice;
-        assert!(advice.contains("put a `workgroupBarrier()` between both"), "{found}");
+        assert!(advice.contains("put a `workgroupBarrier()` between the two"), "{found}");
     }
 }

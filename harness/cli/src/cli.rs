@@ -96,7 +96,7 @@ struct NotThere(String);
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
     after_help = "Start with `karat init`, then `karat watch`; `karat doctor` lists the drivers that open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
-                  KARAT_ADAPTER (part of an adapter's name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (the largest number of loop iterations on `cpu`), KARAT_SEED and \
+                  KARAT_ADAPTER (part of an adapter's name),\nKARAT_TIMEOUT (seconds that a shader may take), KARAT_FUEL (the largest number of loop iterations on `cpu`), KARAT_SEED and \
                   KARAT_CASE (for a replay),\nKARAT_OVERLAY (a folder of files that replace \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 success; 1 a check failed, a frame differs, an acceptance is refused; \
@@ -228,7 +228,7 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
-                            Karat generates arguments: three of four arguments lie in the range that the parameter's name suggests.\n\
+                            Karat generates arguments: three quarters of the arguments lie in the range that the parameter's name suggests.\n\
                             `karat compare` skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
                             Exit codes: 0 no change, or only new functions; 1 a result, a signature or an interface changed, a \
                             function\nwas removed, or something can't be compared; 2 the revision can't be read."
@@ -241,8 +241,8 @@ enum Command {
                             Each mutant has one small change: another operator, another number, a guard removed.\n\
                             Tests that use the mutated code run on Karat's engine until a test fails. Karat changes no file.\n\
                             For each surviving mutant, Karat prints arguments for which the result differs, and a test to paste.\n\
-                            Exit codes: 0 the score is reached, or --in-diff finds no mutant;\n\
-                            1 the score isn't reached, or karat.toml accepts a mutant that a test kills;\n\
+                            Exit codes: 0 the score is at least --fail-under (100), or --in-diff finds no mutant;\n\
+                            1 the score is lower, or karat.toml accepts a mutant that a test kills;\n\
                             2 a test fails without a mutant, or there is no test or no mutant."
     )]
     Mutate(mutate::Args),
@@ -266,8 +266,8 @@ enum Command {
     /// Lists the execution paths that open, with drivers and versions, and says how to get the other paths
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
-                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module is \
-                            incomplete, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
+                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module isn't \
+                            valid, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
     Doctor(doctor::Args),
     /// Lists frames that differ from their golden or have no golden
     #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\

@@ -288,7 +288,7 @@ fn call_explains_wrong_arguments() {
         (&["calc::sum", "1,2,3", "1"], "argument `flip`: `1` isn't a value of type bool"),
         (
             &["calc::duoble", "1"],
-            "has no function `calc::duoble` among its functions (11); did you mean `calc::double`?",
+            "has no function `calc::duoble` (functions in the package: 11); did you mean `calc::double`?",
         ),
         (&["calc::double", "1", "--path", "vulcan"], "did you mean `vulkan`?"),
         (

@@ -18,15 +18,21 @@ const PREFIX: &str = "KARAT_";
 const VARIABLES: [(&str, &str); 17] = [
     (
         PATHS,
-        "paths on which checks run: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens, or `cpu` if no driver opens)",
+        "paths on which checks run, such as `vulkan`, `vulkan,gl`, `gl@llvmpipe` or `all` (default: the first path that opens, or `cpu` if no driver opens)",
     ),
     (REQUIRE, "paths that must run: a list such as `vulkan,gl`, without `all` (none)"),
     (
         EXECUTORS,
         "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between programs. Each program is a path, `process@NAME` (none)",
     ),
-    (ADAPTER, "the adapter to use: a part of the adapter's name (hardware before software)"),
-    (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
+    (
+        ADAPTER,
+        "the adapter to use: a part of the adapter's name (default: hardware before software)",
+    ),
+    (
+        DEADLINE,
+        "seconds that a shader may take before Karat aborts the process (60; 10 in `watch`)",
+    ),
     (
         FUEL,
         "largest number of loop iterations in a case on `cpu`; loops with a known bound don't count (1048576)",
@@ -46,7 +52,7 @@ const VARIABLES: [(&str, &str); 17] = [
     (OVERLAY, "folder whose files replace modules of the same name (none)"),
     (
         TINT,
-        "the Tint to use: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
+        "the Tint to use: the path of a folder with the npm package `webgpu`, of the program `tint`, or of a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
     ),
     (RECORD, "folder for verdicts, as JSON lines (none; `karat test` sets it)"),
     (
@@ -160,7 +166,7 @@ pub enum SettingsError {
     /// There is no setting with this name.
     #[error("the environment sets `{name}`, which Karat doesn't know{}",
         nearest.map_or_else(
-            || format!("; it reads {}", NAMES.join(", ")),
+            || format!("; Karat reads {}", NAMES.join(", ")),
             |nearest| format!("; did you mean `{nearest}`?"),
         ))]
     Unknown {
@@ -333,8 +339,8 @@ impl Settings {
         let count = "a number of orders from 0 to 65536";
         let orders = |text: &str| integer(text).filter(|count| *count <= MOST_SCHEDULES);
         let schedules = text(SCHEDULES).map(parsed(SCHEDULES, count))?.by(orders)?;
-        let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between them, each name once, in lower-case \
-                        letters and digits";
+        let programs = "a list of NAME=PROGRAM ARGUMENTS with `;` between the programs: write each name once, in \
+                        lower-case letters and digits";
         let executors = text(EXECUTORS).map(parsed(EXECUTORS, programs))?.by(read_programs)?;
         Ok(Self {
             paths: text(PATHS)?,
@@ -542,7 +548,7 @@ mod tests {
         let error = read(&[("KARAT_BANANA_SPLIT", "1")]).expect_err("unknown");
         assert!(
             error.ends_with(
-                "it reads KARAT_PATHS, KARAT_REQUIRE, KARAT_EXECUTORS, KARAT_ADAPTER, \
+                "Karat reads KARAT_PATHS, KARAT_REQUIRE, KARAT_EXECUTORS, KARAT_ADAPTER, \
              KARAT_TIMEOUT, KARAT_FUEL, KARAT_SCHEDULES, KARAT_SEED, KARAT_CASE, KARAT_INPUT, KARAT_FAILURES, KARAT_FRAMES, \
              KARAT_OVERLAY, KARAT_TINT, KARAT_RECORD, KARAT_COVERAGE, KARAT_BROWSER"
             ),

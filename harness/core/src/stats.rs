@@ -45,7 +45,9 @@ pub enum NoVerdict {
         needed: u64,
     },
     /// After cells with few samples were pooled, too few cells are left to compare.
-    #[error("{cells} cells are left after pooling, but the test needs at least 2")]
+    #[error(
+        "after cells with few samples are pooled, the number of cells is {cells}, but the test needs at least 2"
+    )]
     NoFreedom {
         /// The number of cells that are left. All pooled cells count as one cell.
         cells: usize,

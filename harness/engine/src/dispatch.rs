@@ -566,7 +566,8 @@ impl Program {
                     ));
                 }
                 if count > options.most_turns {
-                    stopped = Some(Stop::Misuse("the invocations need more turns than Karat runs"));
+                    stopped =
+                        Some(Stop::Misuse("the invocations execute more steps than Karat allows"));
                     break;
                 }
                 let number = room_of[&actor.unit];

@@ -5,7 +5,7 @@ use thiserror::Error;
 
 /// A construct that the engine can't execute, and its position.
 #[derive(Clone, Debug, PartialEq, Error)]
-#[error("the engine doesn't execute {what}")]
+#[error("the engine doesn't support {what}")]
 pub struct Refusal {
     /// The construct.
     pub what: String,

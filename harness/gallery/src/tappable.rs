@@ -168,7 +168,10 @@ pub fn tap(
             writeln!(out, "{line}")?;
         }
         if values.is_empty() {
-            writeln!(out, "the shader has no `let` and no parameter: name another expression")?;
+            writeln!(
+                out,
+                "the shader has no `let` and no parameter: name an expression of the shader, such as `a + b`"
+            )?;
         }
     }
     for (tap, tapped) in all.iter().zip(subject.taps(path, &all)?) {

@@ -544,7 +544,7 @@ impl Request {
                 unjudged(format!("before the edit: {}", was.unwrap_or_default()))
             }
             Pair::Hidden(open) => unjudged(format!(
-                "the module has {} features, and with none, one, two or all of them both versions are the same: turn on the features that the edited code needs with --feature",
+                "Karat didn't find the features that turn on the edited code: Karat turned on none, one, two or all of the module's {} features. Turn on the right features with --feature NAME",
                 open.len()
             )),
         }
@@ -617,7 +617,7 @@ impl Request {
         let mut one = one.expect("there is one setting, at least");
         if let (Change::Same { .. }, Some((path, lanes))) = (&one.change, stateful.large) {
             let reason = format!(
-                "the results are the same, but the {lanes} numbers of `{path}` are too many to compare"
+                "the results are the same, but Karat doesn't compare the variable `{path}`: its {lanes} numbers are too many"
             );
             one.change = Change::Unjudged { reason };
         }
@@ -1992,7 +1992,7 @@ mod tests {
         let large = "var<private> a: array<f32, 5000>;\nfn put(i: u32, x: f32) -> f32 { a[i % 5000u] = x; return x; }";
         let one = compared(large, &large.replace("i %", "(i + 9u) %"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
-        assert!(reason.contains("the 5000 numbers of `a` are too many"), "{reason}");
+        assert!(reason.contains("its 5000 numbers are too many"), "{reason}");
         // If two variables have the same name, the comparison uses their paths.
         let modules = |a: &str| {
             let b = "var<private> s: u32;\nfn g() -> u32 { s = s + 1u; return s; }";

@@ -182,7 +182,12 @@ const QUESTIONS: [Question; 21] = [
         levels,
     ),
     ("sampling", Some(Ability::Textures), "samplers filter and repeat as the job says", sampling),
-    ("depths", Some(Ability::Textures), "depth textures are compared with a reference", depths),
+    (
+        "depths",
+        Some(Ability::Textures),
+        "`textureSampleCompare` compares depths with a reference",
+        depths,
+    ),
     (
         "stored",
         Some(Ability::Textures),

@@ -24,8 +24,7 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
 }
 
 /// The operation of a fault goes wrong in every sample of the free inputs. If at least one sample doesn't go wrong, the
-/// finding is a requirement. The finding's `needs` list each input that can avert the error without a change of other
-/// inputs.
+/// finding is a requirement. The finding's `needs` lists the inputs that can each prevent the error alone.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {
@@ -200,7 +199,7 @@ fn running_separates_faults_from_requirements() {
     }
 }
 
-/// A declared range turns a requirement into a fault, or removes it.
+/// If an input has a declared range, a requirement may become a fault, or disappear.
 // Lesson 97
 #[test]
 fn declared_inputs_are_held() {
@@ -276,7 +275,7 @@ fn a_finding_in_a_called_function_is_judged_at_its_callers() {
     assert_eq!(only.requirements().count(), 1);
 }
 
-/// A wrong value counts if a result, a condition, an index or an unbounded number depends on it.
+/// A NaN or an infinity isn't `Dropped` if a result, a condition or an integer depends on it.
 // Lesson 143
 #[test]
 fn used_results_are_not_dropped() {
@@ -304,7 +303,7 @@ fn used_results_are_not_dropped() {
     assert_eq!(at(masked, Kind::Nan, "sqrt(-1.0 - abs(out[id.x]))").class, Class::Fault);
 }
 
-/// Each operation of a function counts, even if earlier operations have the same kind of error.
+/// Karat reports each wrong operation of a function, even if an earlier operation has the same kind of error.
 // Lesson 97
 #[test]
 fn each_operation_has_its_own_verdict() {
@@ -319,8 +318,8 @@ fn each_operation_has_its_own_verdict() {
     assert_eq!(classes, expected);
 }
 
-/// An invalid function affects only the functions that use it, also in a matrix. A test, in contrast, needs its whole
-/// module to be valid.
+/// An invalid function affects only the functions that call it, both in `hazards` and in `matrix`. A test, in contrast,
+/// needs its whole module to be valid.
 #[test]
 fn a_function_is_judged_by_what_it_uses() {
     let text = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
@@ -436,7 +435,7 @@ fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
 }
 
-/// If the engine reported only one of 256 lanes, the results of `always` and `rarely` would look alike.
+/// Karat counts every case in which a hazard occurs, not only one case in each dispatch.
 // Lesson 140
 #[test]
 fn each_input_of_a_hazard_counts() {
@@ -490,7 +489,8 @@ fn each_input_of_a_hazard_counts() {
     assert!(share > 75.0, "{text}");
 }
 
-/// Declared ranges also apply to integers. Without a declaration, samples include the ends of an integer's type.
+/// Declared ranges also apply to integers. Without a declaration, samples include the smallest and the largest value of
+/// the type.
 // Lesson 146
 #[test]
 fn integers_are_declared_and_reach_the_ends_of_their_types() {
@@ -516,7 +516,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     }
 }
 
-/// The report lists the sampled ranges. Unconstrained numbers are sampled as in tests.
+/// The report lists the sampled ranges. Karat samples unconstrained numbers as tests do.
 // Lesson 147
 #[test]
 fn a_report_says_what_was_drawn() {
@@ -557,7 +557,7 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     }
 }
 
-/// Members of buffers have several values, and `karat.toml` may declare their ranges by their names.
+/// Karat tries several values for each member of a buffer. `karat.toml` may declare a member's range: `p.other`.
 // Lesson 149
 #[test]
 fn members_of_buffers_are_drawn_and_declared() {
@@ -596,7 +596,7 @@ fn members_of_buffers_are_drawn_and_declared() {
     assert!(error.contains("did you mean `p.other`?"), "{error}");
 }
 
-/// The report counts the parts of functions that weren't checked.
+/// The report counts the inputs and the functions that Karat didn't check.
 // Lesson 151
 #[test]
 fn unchecked_inputs_and_functions_are_counted() {
@@ -619,8 +619,8 @@ fn unchecked_inputs_and_functions_are_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
-/// Two textures may have different sizes, because names don't relate the sizes. An array has an element for each
-/// invocation.
+/// Two textures may have different sizes, because names don't relate the sizes. A generated array has one element for
+/// each invocation.
 #[test]
 fn a_texel_outside_may_be_one_of_another_size() {
     let of = |source: &str, value: &str| {
@@ -642,7 +642,7 @@ fn a_texel_outside_may_be_one_of_another_size() {
     assert_eq!(classes(&array), [(Kind::OutOfRange, Class::Requirement)]);
 }
 
-/// One thread may receive a count while another thread reports the next count.
+/// Reported counts only increase, even if a thread is slow to receive its count.
 #[test]
 fn progress_never_goes_backwards() {
     let text: String =
@@ -944,7 +944,8 @@ fn a_pass_without_results_is_checked_for_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// One divisor is 0 for only one of the sets of values in the buffers. The other divisor is 0 for all sets.
+/// Karat runs a pass with several contents of its buffers. A divisor that is 0 for all contents is a fault; a divisor
+/// that is 0 for only one content is a requirement.
 #[test]
 fn a_hazard_of_one_buffer_content_is_a_requirement() {
     let pass = |divisor: &str| {
@@ -963,7 +964,7 @@ fn a_hazard_of_one_buffer_content_is_a_requirement() {
     assert_eq!((fault.class, fault.cases.0 >= 6), (Class::Fault, true));
 }
 
-/// The pixels of a draw run side by side, each at its own position.
+/// The pixels of a draw run in parallel, so two pixels that write the same element race.
 // Lesson 215: two pixels of a draw
 #[test]
 fn pixels_that_write_storage_race() {
@@ -1029,8 +1030,8 @@ fn pixels_that_write_storage_race() {
     assert!(race.advice.starts_with("the pixels of a draw have no order"), "{}", race.advice);
 }
 
-/// In `bright`, the contents decide which invocations write, but not to which element: the index doesn't come from the
-/// contents.
+/// In `bright`, buffer contents decide which invocations write, but every invocation writes to `a[0]`. In `scatter`,
+/// buffer contents decide to which element an invocation writes.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -1053,8 +1054,7 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// A loop with many iterations isn't reported as endless. In such a function, Karat still finds the hazards of inputs
-/// that don't change the number of iterations.
+/// A loop with many iterations isn't reported as endless. Karat still finds other hazards of the function.
 #[test]
 fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
@@ -1165,7 +1165,8 @@ fn a_derivative_that_only_part_of_a_quad_reaches_is_found() {
     }
 }
 
-/// A race remains a race if zeros make its writes equal. For a race in workgroup memory, the report suggests a barrier.
+/// Karat reports a race even if both writes are equal for buffers of zeros. For a race in workgroup memory, the report
+/// suggests a barrier.
 #[test]
 fn races_of_read_values_are_reported() {
     let pass = |body: &str| {
@@ -1185,11 +1186,11 @@ fn races_of_read_values_are_reported() {
         race(&pass(body));
     }
     let within = race(&pass("tile[i] = a[id.x]; b[id.x] = tile[63u - i];"));
-    assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
+    assert!(within.contains("put a `workgroupBarrier()` between the two"), "{within}");
 }
 
-/// If a dispatch has more invocations than elements, Karat finds a missing guard, in a dispatch with one long side or
-/// with three short sides. The report gives the condition under which the index is outside of the array.
+/// If a dispatch has more invocations than the array has elements, Karat finds a missing guard. The test dispatches
+/// along one axis and along three axes. The report gives the condition under which the index is outside of the array.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;
@@ -1226,7 +1227,7 @@ fn a_tail_without_its_guard_is_found() {
     }
 }
 
-/// The data decide which invocations swap elements, but no two invocations ever swap the same element.
+/// The values in `s` decide which invocations swap elements, but no two invocations swap the same element.
 #[test]
 fn a_race_that_data_decide_is_found() {
     let text = |barrier: &str| {
@@ -1298,7 +1299,8 @@ fn digits_are_lost_near_a_zero_inside() {
     at(text, Kind::LostDigits, "log(abs(h) + sqrt(h * h + 1.0))");
 }
 
-/// If digits are lost even in `f64`, both results agree, but the interval shows the loss.
+/// If an operation loses digits even in `f64`, the `f32` and `f64` results may agree, but interval arithmetic shows the
+/// loss.
 #[test]
 fn digits_that_double_precision_loses_are_lost() {
     let root = "fn f(x: f32) -> f32 { return sqrt(x + 1.0) - sqrt(x); }";
@@ -1342,7 +1344,8 @@ fn exact_differences_lose_no_digits() {
     }
 }
 
-/// A function that executes many operations gets fewer inputs, evenly selected. The report counts the other inputs.
+/// If a function executes many operations, Karat tries only some of its inputs. The report counts the inputs that Karat
+/// didn't try.
 #[test]
 fn the_work_of_a_function_is_bounded() {
     let text = |lines: usize| {
@@ -1382,8 +1385,8 @@ fn each_function_is_reported_when_it_is_done() {
     assert_eq!(found, [("a", true), ("b", false), ("c", true)]);
 }
 
-/// Tests shaders that a reader of the guide tried. An earlier version reported no finding for them, or a finding with a
-/// wrong class or name.
+/// Tests shaders that a reader of the guide tried. An earlier version missed hazards in these shaders, or reported them
+/// with a wrong class or name.
 // Lesson 98
 #[test]
 fn free_inputs_are_drawn() {
@@ -1447,8 +1450,8 @@ fn free_inputs_are_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// Karat finds no fault in these correct shaders of other projects. In their hosts, an array is longer than the
-/// dispatch, a matrix is a projection, or another function has set a private variable.
+/// Karat finds no fault in these correct shaders of other projects. In those projects, an array is longer than the
+/// dispatch, a matrix is a projection, or another function sets a private variable.
 // Lesson 98
 #[test]
 fn inputs_of_the_host_cause_no_fault() {
@@ -1498,7 +1501,7 @@ fn inputs_of_the_host_cause_no_fault() {
     assert_eq!((one.class, shown), (Class::Fault, Some("0")), "{one}");
 }
 
-/// An override has its declared value or its default.
+/// Karat gives an override its declared value, or otherwise its default.
 // Lesson 98
 #[test]
 fn overrides_are_declared() {
@@ -1528,8 +1531,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Each kind of declaration removes the findings that the declaration excludes. The kinds are: distinct elements,
-/// lengths, workgroups, directions, and numbers of one function.
+/// Declarations in `karat.toml` remove the findings that they make impossible. The test declares distinct elements,
+/// lengths, workgroups, directions, and inputs of one function.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -1609,8 +1612,7 @@ fn declared_inputs_of_the_host_are_used() {
     }
 }
 
-/// An unsigned difference wraps below 0 and is then converted to a float. Bit operations that wrap on purpose aren't
-/// differences.
+/// Karat reports an unsigned difference that wraps below 0 and then becomes a float, but no hash that wraps on purpose.
 #[test]
 fn differences_below_zero_that_become_floats_are_found() {
     for (text, operation) in [

@@ -84,8 +84,8 @@ pub enum Fate {
         /// is the test that came closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
-        /// `true` if each test that uses the mutated code shows the values that it compares. In this case, at most the
-        /// test in `hidden` saw a difference.
+        /// `true` if each test that uses the mutated code shows the values that it compares. Then, if `hidden` is
+        /// `None`, no test saw a difference.
         #[serde(skip)]
         seen: bool,
         /// The reason why the mutant lived.
@@ -93,10 +93,10 @@ pub enum Fate {
     },
     /// No test uses the mutated code.
     Untested {
-        /// The difference that a test could see.
+        /// The result of comparing the mutant with the original.
         why: Lived,
     },
-    /// The mutant is equivalent to the original, so no test can see it. Karat ran no test on it.
+    /// The mutant is equivalent to the original, so no test can fail on it, and Karat ran none.
     Equal {
         /// The proof that the mutant is equivalent.
         by: Equality,
@@ -145,11 +145,11 @@ pub struct Hunted {
     pub of: usize,
     /// The number of the package's tests that ran.
     pub tests: usize,
-    /// The number of frames that weren't tested, because the path has no driver that draws them.
+    /// The number of frame tests that didn't run, because the request doesn't include [`frames`](Request::frames).
     pub left_out: usize,
     /// The modules that are invalid in the original.
     pub invalid: Vec<String>,
-    /// The complaints about acceptances in `karat.toml` that no longer fit their mutants. Each is a sentence.
+    /// A sentence for each mutant that `karat.toml` accepts, and that a test kills.
     pub complaints: Vec<String>,
 }
 
@@ -178,7 +178,7 @@ pub enum MutateError {
          exist only in memory: run `karat mutate` on a folder with the program's output"
     )]
     Printed,
-    /// An acceptance in `karat.toml` doesn't apply to a mutant.
+    /// `karat.toml` accepts mutants without a reason, without ids, twice, or with an id that no mutant has.
     #[error("{0}")]
     Accepted(String),
     /// The package has no test that could kill a mutant.
@@ -187,7 +187,7 @@ pub enum MutateError {
     /// The request selects no mutant.
     #[error("the package has no mutant{of}, so Karat runs no tests")]
     NoMutant {
-        /// The selection that has no mutant.
+        /// The description of the request's selection, for the message.
         of: String,
     },
     /// Tests fail on the original shaders.
@@ -226,9 +226,9 @@ pub struct Judged {
 
 struct Judge {
     name: String,
-    /// The text that the test links; `None` if Karat can't determine this text.
+    /// The test's linked text; `None` if Karat can't determine this text.
     made_of: Option<String>,
-    /// The values that the test's checks compare without a mutant.
+    /// The values that the test's checks compared on the original shaders.
     seen: Seen,
     took: Duration,
 }
@@ -261,7 +261,7 @@ impl Request {
         Self { lines: Some(lines), ..self }
     }
 
-    /// Also runs tests of frames. They need a path with a driver.
+    /// Also runs tests of frames, which need a path with a driver.
     pub fn frames(self) -> Self {
         Self { frames: true, ..self }
     }
@@ -447,7 +447,8 @@ impl Request {
         Ok(accepted)
     }
 
-    /// Returns the tests, and the number of frames that don't run. Returns an error if a test fails without a mutant.
+    /// Returns the tests, and the number of frame tests that don't run. Returns an error if a test fails on the
+    /// original shaders.
     fn judges(
         &self,
         suite: &Suite,
@@ -612,8 +613,8 @@ fn reason(error: &ReflectError) -> String {
     error.diagnostic().map_or_else(|| error.to_string(), |found| found.message.clone())
 }
 
-/// Runs a function for each element, on all cores. The threads aren't in Rayon's pool, because the checks of a test use
-/// this pool, and a thread of the pool can't wait for the checks.
+/// Runs a function for each element, on all cores. The threads aren't in Rayon's pool, because each test waits for
+/// checks that run in this pool.
 fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);

@@ -222,8 +222,8 @@ impl Difference {
         Some(format!("[[test]]\nfunction = \"{name}\"\n{over}equals = {equals}\n{tolerance}"))
     }
 
-    /// The same test as [`test`](Self::test) in another language, with a name that ends in `ending`. The result is also
-    /// `None` for structures, arrays and matrices.
+    /// The same test as [`test`](Self::test) in another language, with a name that ends in `ending`. Also returns
+    /// `None` if an argument or the result is a structure, an array or a matrix.
     #[must_use]
     pub fn test_as(&self, form: Form, ending: &str) -> Option<String> {
         let (types, result) = (self.types.as_ref()?, self.result.as_ref()?);
@@ -330,7 +330,7 @@ fn wgsl_of(value: &str, shape: &Shape) -> Option<String> {
     })
 }
 
-/// The suffix of an expectation's name for values of a type: `_vec3`, `_vec2u`.
+/// The suffix that an expectation's name has for a type, such as `_vec3` or `_vec2u`.
 fn suffix_of(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => String::new(),

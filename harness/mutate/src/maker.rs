@@ -59,7 +59,7 @@ impl fmt::Display for Rule {
     }
 }
 
-/// One change of a text.
+/// A change of one place in a WGSL text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mutant {
     /// The mutation's kind.
@@ -70,7 +70,7 @@ pub struct Mutant {
     pub range: Range<usize>,
     /// The replaced text.
     pub original: String,
-    /// The text that the mutation puts into this range.
+    /// The text that replaces `range`.
     pub replacement: String,
     /// The mutation's line, counted from 1.
     pub line: usize,
@@ -146,7 +146,7 @@ pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
     found
 }
 
-/// Visits each value below a `with` key, with the value's own key.
+/// Calls a function for each value below a `with` key, with the value's own key.
 fn below<'t>(
     table: &'t DeTable<'_>,
     is_below: bool,
@@ -242,8 +242,8 @@ impl<'a> Maker<'a> {
         self.tokens.get(at).map_or("", |token| token.text)
     }
 
-    /// The index of the `>` that ends the template argument list after a `<`. As in WGSL, such a list ends before any
-    /// token that it can't contain.
+    /// The index of the `>` that ends the template argument list after a `<`. Returns `None` if the `<` is a
+    /// comparison: a token such as `;` or `&&` can't be in such a list.
     fn template_end(&self, at: usize) -> Option<usize> {
         let after_word = at > 0 && self.tokens[at - 1].kind == Kind::Word;
         if self.word(at) != "<" || !after_word {
@@ -619,8 +619,8 @@ fn precedence(operator: &str) -> Option<u8> {
     })
 }
 
-/// The replacements of a number: 0 becomes 1, and 1 becomes 0 and 2. Any other number is doubled, and increased by 1 %
-/// or by 1. A hexadecimal number has no replacements.
+/// The replacements of a number: 0 becomes 1, and 1 becomes 0 and 2. Any other number has two replacements: the double,
+/// and a number that is larger by 1 (integers) or 1 % (floats). A hexadecimal number has no replacements.
 fn numbers(text: &str) -> Vec<String> {
     let hexadecimal = text.starts_with("0x") || text.starts_with("0X");
     let digits = text.trim_end_matches(['f', 'h', 'i', 'u']);
@@ -764,7 +764,7 @@ mod tests {
         assert_eq!((guard.line, guard.column), (2, 9));
     }
 
-    /// All mutants differ from each other and from the original, and each makes the change that it names.
+    /// All mutants differ from each other and from the original, and each records the text that it replaces.
     #[test]
     fn mutants_differ() {
         let text = "fn f() { return 1.0 * 1.0 + g(a, a) - max(a, a); }";

@@ -160,7 +160,7 @@ fn guards_that_never_act_are_equal() {
     assert_eq!(fate("k", "5.0", "10.0"), Fate::Equal { by: Equality::Operations });
 }
 
-/// A test of a pass tests only the code that the pass links.
+/// A mutant in code that a pass doesn't link isn't tested by the pass's test.
 // Lesson 209
 #[test]
 fn a_test_of_a_pass_covers_only_the_code_that_the_pass_links() {
@@ -366,8 +366,8 @@ fn tests_in_wgsl_kill() {
     }
 }
 
-/// A test in WGSL compares values in the shader, so Karat makes no claim about the values that it saw. A declared test
-/// shows its values.
+/// A test in WGSL compares values in the shader, where Karat can't see them. A declared test's values are known to
+/// Karat.
 #[test]
 fn values_that_no_run_shows_are_not_judged() {
     let shader = "fn f(x: f32) -> f32 { if (x > 3.0) { return x + 7.0; } return x; }\n";
@@ -412,7 +412,8 @@ fn constants_reach_other_modules() {
     assert_eq!(found.function, "user::free");
 }
 
-/// Lines and columns count characters of the author's text, not bytes. Text that a program prints has no mutants.
+/// Lines and columns count characters of the author's text, not bytes. Karat refuses to mutate text that a program
+/// prints.
 #[test]
 fn places_of_mutants_count_characters_of_the_source() {
     let shader = "// \u{e9}\u{1f600}\r\nfn half(x: f32) -> f32 { /* \u{e9} */ return 0.5 * x; }\r\n\
@@ -454,7 +455,7 @@ fn invalid_idle_and_endless_mutants_are_not_killed() {
     assert!(!matches!(invalid, Fate::Invalid { .. }), "{invalid:?}");
 }
 
-/// An acceptance needs a reason. It covers a mutant that no test can kill. An acceptance without a mutant is an error.
+/// An acceptance needs a reason and an existing mutant. Karat complains if a test kills an accepted mutant.
 // Lesson 30
 #[test]
 fn an_accepted_mutant_must_exist_and_have_a_reason() {

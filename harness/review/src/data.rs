@@ -122,7 +122,7 @@ pub(super) fn version(index: usize, commit: &str, older: Result<Older, String>) 
 /// The content of an older version of a golden.
 pub(super) enum Older {
     Image(Image),
-    /// The rows that have changed since that version.
+    /// The rows of a table that have changed since the older version.
     Table(Rows),
 }
 
@@ -134,8 +134,8 @@ pub(super) fn function(index: usize, failure: &Failure) -> String {
     received(&data)
 }
 
-/// Returns the rows of a table that differ. A new or deleted row has an infinite difference, which becomes null,
-/// because JSON has no infinity.
+/// Returns the rows of a table that differ from its golden. A new or deleted row has an infinite difference, which
+/// becomes null, because JSON has no infinity.
 fn table(rows: &Rows) -> Value {
     let row = |row: &ChangedRow| {
         json!({

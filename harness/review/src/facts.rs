@@ -1,4 +1,4 @@
-//! The metadata of golden and frame, and the differences in them that explain a difference in the pixels.
+//! The metadata of golden and frame, and differences in this metadata that may explain different pixels.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use serde_json::Value;
 use karat::unstable::golden::Provenance;
 use karat::unstable::metric::ExposureRange;
 
-/// The difference between the metadata of a golden and of a frame.
+/// The kind of difference between a golden's metadata and a frame's metadata.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {
@@ -18,13 +18,13 @@ pub enum Cause {
     Unknown,
     /// The shader differs.
     Shader,
-    /// The shader differs, and the driver or adapter, too.
+    /// The shader differs. The driver or the adapter differs, too.
     ShaderAndDriver,
     /// The driver or the adapter differs.
     Driver,
     /// The processor of a software rasteriser differs.
     Processor,
-    /// A property that the test declares about the frame differs, such as its seed.
+    /// A property that the test declares about the frame, such as a seed, differs.
     Declared,
     /// No recorded property differs.
     Nothing,
@@ -77,7 +77,8 @@ pub(crate) struct Fact {
     pub differs: bool,
 }
 
-/// Returns the properties that the test declares about the frame, if the golden lacks them or has another value.
+/// Returns the properties that the test declares and that have different values in golden and frame, or no value in
+/// one.
 pub(super) fn declared(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fact> {
     let Some(golden) = golden else { return Vec::new() };
     let names: std::collections::BTreeSet<_> =
@@ -115,7 +116,7 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     names.into_iter().map(fact).collect()
 }
 
-/// Returns the single values in a provenance. The name of a value is its path, such as `adapter.name`.
+/// Returns each value in a provenance, with its name. The name of a value is its path, such as `adapter.name`.
 fn lines(provenance: &Provenance) -> Vec<(String, String)> {
     let mut value = serde_json::to_value(provenance).expect("provenance is plain data");
     // The exposures get a unit, because two numbers without a unit are hard to understand.

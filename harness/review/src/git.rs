@@ -1,4 +1,4 @@
-//! Commands of git that only read.
+//! Runs `git` commands that only read.
 
 use std::path::Path;
 use std::process::Command;

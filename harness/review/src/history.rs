@@ -70,7 +70,7 @@ pub(super) fn table(golden: &Path, commit: &str) -> Result<Table, VersionError> 
     read(golden, commit, Table::read).map(|(table, _)| table)
 }
 
-/// Returns the file of a golden in one of its [`versions`].
+/// Reads the file of a golden in one of its [`versions`].
 fn read<T, E: Display>(
     golden: &Path,
     commit: &str,

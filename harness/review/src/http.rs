@@ -2,8 +2,8 @@
 //!
 //! Every program on this machine can connect, so the server never waits long for a client. A request must arrive within
 //! a time limit, the sizes of its head and its body are limited, and the server doesn't trust announced lengths. If
-//! there are too many connections, the server closes the oldest one without a valid request. So silent clients can't
-//! block others. Stopping doesn't wait for clients.
+//! there are too many connections, the server closes the oldest connection without a valid request. So silent clients
+//! can't block others. Stopping doesn't wait for clients.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -19,7 +19,7 @@ const MOST_HEADERS: usize = 100;
 /// The time limit for a request to arrive, and for a client to accept a part of the response. Client and server are on
 /// the same machine, so a longer wait would be useless.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The time for reading and dropping the rest of a request after the response.
+/// The longest time in which the server, after its response, reads and drops the rest of a request.
 const LINGER: Duration = Duration::from_secs(2);
 /// The largest number of connections at a time. A browser opens six connections, and one more in advance.
 const MOST_OPEN: usize = 64;
@@ -137,7 +137,7 @@ struct Entry {
 }
 
 impl Open {
-    /// Adds a connection. If there are too many connections, closes another connection.
+    /// Adds a connection. If there are too many, closes the oldest one without a valid request, or else the oldest one.
     fn enter(open: &Arc<Self>, stream: TcpStream) -> Connection {
         let stream = Arc::new(stream);
         open.change(|entries| {
@@ -225,7 +225,7 @@ impl Read for Timed {
     }
 }
 
-/// The check of the secret in a page's URL. Only clients that know the URL may use the page.
+/// Checks the secret in a page's URL, so that only clients that know the URL can use the page.
 pub struct Door {
     port: u16,
     token: String,
@@ -255,8 +255,8 @@ impl Door {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// Returns the part of a request's path after the secret, which is empty for the page. `printed` names the command
-    /// that printed the URL.
+    /// Returns the part of a request's path after the secret, which is empty for the page. For the error message,
+    /// `printed` is the command that printed the URL.
     ///
     /// # Errors
     /// Returns a response with an error if the request lacks the secret, or comes from a page of another origin.
@@ -349,7 +349,7 @@ impl<'a> Request<'a> {
         if named.next().is_some() { Err(Repeated) } else { Ok(first) }
     }
 
-    /// Protects this connection: the server won't close it to make room for a new one.
+    /// Protects this connection: to make room, the server first closes connections without a valid request.
     pub fn admit(&self) {
         self.connection.open.change(|entries| {
             for entry in entries {

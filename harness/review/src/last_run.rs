@@ -14,12 +14,12 @@ pub struct LastRun {
     pub failures: Vec<Failure>,
 }
 
-/// The origin of a frame.
+/// The record of a frame: the test that drew the frame.
 #[derive(Clone, Debug, Default)]
 pub struct FrameRun {
     /// The name of the test.
     pub test: String,
-    /// The location of the call: `file:line:column`.
+    /// The location of the call in the test: `file:line:column`.
     pub place: String,
     /// The commands that run the test again.
     pub replays: Vec<String>,
@@ -42,7 +42,7 @@ pub struct Failure {
     pub replays: Vec<String>,
     /// The largest error divided by its bound.
     pub ratio: Option<f64>,
-    /// The plots as HTML. All text in the HTML is escaped.
+    /// The plots of the failure as HTML, in which all text is escaped.
     pub figures: String,
 }
 

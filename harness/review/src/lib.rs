@@ -44,7 +44,7 @@ const MOST_ROWS: usize = 500;
 /// The largest size of a frame in a report, in bytes, including older versions of its golden. People mail and keep
 /// reports, so a report includes only the versions that fit.
 const MOST_BYTES: usize = 1_000_000;
-/// The largest number of older versions to try for a report.
+/// The largest number of older versions of a golden in a report.
 const MOST_VERSIONS: usize = 8;
 
 /// The data of a pending frame or table for the page.
@@ -60,15 +60,15 @@ pub struct Case {
     pub maps: Vec<Map>,
     /// The measurements and bounds of the test.
     pub margins: Vec<CriterionMargin>,
-    /// The difference as a sentence.
+    /// The difference between golden and frame, as a sentence.
     pub verdict: String,
     /// The metadata in the golden's file. `None` if there is no golden, or if the golden has no metadata.
     pub golden_provenance: Option<Provenance>,
     /// The metadata in the frame's file.
     pub actual_provenance: Provenance,
-    /// The difference of the metadata.
+    /// The kind of difference between the golden's and the frame's metadata.
     pub cause: Cause,
-    /// For a table of values instead of a frame: the rows that differ.
+    /// The rows that differ, if the case is a table of values; `None` for a frame.
     pub table: Option<Rows>,
 }
 
@@ -105,7 +105,7 @@ pub struct Map {
     pub about: String,
     /// The values of the map. If red, green and blue are equal everywhere, the page shows the map in false colours.
     pub image: Image,
-    /// The values at the lower and the upper end of the false colours.
+    /// The values that the page shows in the first and in the last of its false colours.
     pub range: [f32; 2],
 }
 
@@ -121,7 +121,7 @@ pub enum ReviewError {
     Remove {
         /// The path of the file.
         path: String,
-        /// The error of the system.
+        /// The operating system's error.
         cause: std::io::Error,
     },
     /// A file of the page can't be written.
@@ -129,7 +129,7 @@ pub enum ReviewError {
     Write {
         /// The path of the file.
         path: String,
-        /// The error of the system.
+        /// The operating system's error.
         cause: std::io::Error,
     },
     /// The server can't be started.
@@ -137,7 +137,7 @@ pub enum ReviewError {
     Serve {
         /// The requested port. 0 means any port.
         port: u16,
-        /// The error of the system.
+        /// The operating system's error.
         reason: String,
     },
 }
@@ -152,7 +152,7 @@ pub struct Review {
     run: LastRun,
     /// `true` if the page also shows goldens without a pending frame.
     accepted: bool,
-    /// `true` if accepting may write in CI.
+    /// `true` if the page may accept frames in CI.
     ci_may_write: bool,
     in_editor: bool,
     asked: pixels::Asked,
@@ -170,7 +170,7 @@ enum Entry {
 }
 
 impl Review {
-    /// Makes a review of everything that is pending in a folder of goldens.
+    /// Makes a review of all pending frames and tables in a folder of goldens.
     #[must_use]
     pub fn new(goldens: Goldens) -> Self {
         Self {
@@ -330,7 +330,8 @@ impl Review {
         }
     }
 
-    /// Returns the modules that changed since the golden, by their hashes if golden and frame have hashes.
+    /// Returns the modules that changed since the golden. Compares hashes if golden and frame have hashes, else asks
+    /// git.
     fn changed_modules(&self, golden: &Path, case: &Case) -> serde_json::Value {
         let known = case.golden_provenance.as_ref();
         let by_hash = known.zip(self.goldens.project()).and_then(|(known, project)| {
@@ -380,7 +381,7 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// Returns the currently pending frames. A frame that belongs to goldens in another folder counts as unusable.
+    /// Returns the currently pending frames. A frame whose golden belongs in another folder counts as unusable.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();

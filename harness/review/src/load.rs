@@ -54,9 +54,11 @@ impl Case {
             }
             (None, Some(finding)) => (finding.verdict.clone(), finding.margins.clone()),
             (None, None) if golden.is_none() => ("there is no golden yet".to_owned(), Vec::new()),
-            (None, None) => {
-                ("the pending file has no description of the difference".to_owned(), Vec::new())
-            }
+            (None, None) => (
+                "the pending file doesn't describe the difference: run the frame's test again"
+                    .to_owned(),
+                Vec::new(),
+            ),
         };
         let maps = golden_image.map_or_else(Vec::new, |golden_image| {
             let exposures = golden_provenance.as_ref().and_then(|known| known.exposures);

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::git;
 
 /// The largest number of versions of a module in which Karat searches for the golden's version. The check of each
-/// version needs a process.
+/// version runs a `git` process.
 const MOST: &str = "50";
 
 /// Returns the modules whose hashes differ. Returns `None` if golden or frame have no hashes, as in old files. Module
@@ -78,7 +78,7 @@ enum Untold {
     Failed,
 }
 
-/// The commit that has the golden's current content.
+/// The latest commit of the golden, if the golden hasn't changed since.
 struct Since {
     root: PathBuf,
     commit: String,
@@ -100,8 +100,8 @@ impl Since {
         Ok(Self { root: root.trim_end().into(), commit: commit.trim().to_owned() })
     }
 
-    /// Returns the modules of a record as paths for git. Modules of another machine, or of crates outside of this
-    /// repository, are left out.
+    /// Returns the modules in this repository as paths for git. Leaves out modules of another machine, and of crates
+    /// outside of the repository.
     fn inside(&self, modules: &[PathBuf]) -> Vec<String> {
         // If a file is behind a link, git names its real path.
         let real = |file: &PathBuf| file.canonicalize().unwrap_or_else(|_| file.clone());

@@ -145,7 +145,7 @@ fn severity(frame: &Pending) -> Option<Value> {
     Some(if measured { json!(most) } else { json!("inf") })
 }
 
-/// Checks if the test found only finite numbers.
+/// Checks that the test found no NaN and no infinity in the frame.
 fn is_finite(frame: &Pending) -> bool {
     let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
     !margins
@@ -153,7 +153,7 @@ fn is_finite(frame: &Pending) -> bool {
         .any(|margin| margin.criterion == FrameCriterion::Finite && !margin.passes())
 }
 
-/// Returns the goldens that a frame may become.
+/// Returns the properties of a frame that decide which golden the frame may become.
 fn accepting(frame: &Pending) -> Value {
     json!({
         "canonical": frame.is_canonical(),

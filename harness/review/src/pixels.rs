@@ -1,4 +1,4 @@
-//! The replies to the page's questions about pixels of frames.
+//! Replies to the page's questions about pixels of frames.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex};
@@ -16,7 +16,7 @@ pub trait Pixels: Debug + Send + Sync {
     /// Returns an error if the frame is unknown, or can't be drawn.
     fn values(&self, frame: &str) -> Result<Vec<String>, String>;
 
-    /// Returns a value on all pixels of a frame of this size.
+    /// Returns a map of this size, with the value at each pixel of the frame.
     ///
     /// # Errors
     /// Returns an error if the value can't be computed.
@@ -93,9 +93,8 @@ impl Asked {
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// Returns the traces of the pixels that differ most from the golden. [`Pixels::trace`] receives the commit of the
-    /// first of the golden's `versions`. If a trace with this commit isn't possible, the trace has no commit. Returns
-    /// null if no pixel can be traced.
+    /// Returns the traces of the pixels that differ most from the golden. If possible, each trace also shows the
+    /// shaders of the golden's latest commit, the first of `versions`. Returns null if no pixel can be traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();
         let pair =

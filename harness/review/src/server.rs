@@ -48,13 +48,13 @@ struct Desk {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Decision {
-    /// The name of the frame.
+    /// The name of the frame to accept or reject.
     case: String,
     /// The hash of the pixels that the reader has seen.
     pixels: String,
     #[serde(default)]
     because: String,
-    /// `true` if the frame becomes the golden of its profile.
+    /// `true` if the frame becomes the golden of its profile, even if Karat compared the frame with the shared golden.
     #[serde(default)]
     profile: bool,
     #[serde(default)]
@@ -107,7 +107,7 @@ impl Server {
     }
 }
 
-/// Locks a mutex. A panicking thread leaves the locked values consistent.
+/// Locks a mutex. Ignores poisoning, because a panicking thread leaves the values consistent.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

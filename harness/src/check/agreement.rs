@@ -25,7 +25,7 @@ pub(super) struct Expected<'e> {
     pub(super) expect: Expect<'e>,
 }
 
-/// Calls `then` with a reference that has a fixed type. So the compiler compiles `then` only once.
+/// Calls `then` with the reference as an [`Expected`], whose type doesn't depend on the reference.
 pub(super) fn with_reference<A: Arguments, T>(
     reference: &impl Reference<A>,
     then: impl FnOnce(Expected<'_>) -> T,

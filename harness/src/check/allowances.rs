@@ -32,9 +32,9 @@ pub(super) struct Allowances {
 }
 
 impl Allowances {
-    /// Computes WGSL's bounds for some cases of a batch. Half of these cases are the batch's first cases, which
-    /// contain the edges. The other half is spread over the batch. `left` is the number of cases that remain to
-    /// be computed.
+    /// Computes WGSL's bounds for some cases of a batch. Half of these cases are the batch's first cases, which contain
+    /// the edges. The other half is spread over the batch. Computes at most `left` cases, and subtracts their number
+    /// from `left`.
     pub(super) fn of(
         witness: &Interpreted,
         batch: &Batch,
@@ -115,7 +115,7 @@ mod tests {
         allowances.against(&[Scalar::F32], &expected, &tolerance.into())
     }
 
-    /// WGSL allows `sin` an error of 2^-11.
+    /// WGSL allows `sin` an error of 2^-11, so a test with a smaller tolerance may fail on some driver.
     // Lesson 93
     // Lesson 171
     #[test]

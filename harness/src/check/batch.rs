@@ -1,4 +1,4 @@
-//! The cases of one dispatch. A row contains the arguments of one case, as `u32` words.
+//! The cases of one dispatch. A row contains the arguments of one case, and its companion, as `u32` words.
 
 use std::borrow::Cow;
 use std::ops::Range;

@@ -80,7 +80,7 @@ pub(super) fn cause(
     is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
 }
 
-/// Does the same as `cause`. `arguments` returns the arguments of the case with the given index.
+/// Does the same as `cause`, but without a batch. `arguments` returns the arguments of the case with the given index.
 pub fn cause_of<'b>(
     function: &Function,
     cases: usize,
@@ -150,9 +150,9 @@ fn said(name: &str, interval: &Interval) -> String {
 }
 
 impl Cases<'_> {
-    /// Checks if most cases fail, and nearly all passing cases have a 0 among their arguments. A function with
-    /// a wrong factor shows this pattern, because 0 times a wrong factor is still 0. A product or quotient of
-    /// arguments would explain the pattern less clearly.
+    /// Checks if most cases fail, and nearly all passing cases have a 0 among their arguments. A function with a wrong
+    /// factor shows this pattern, because 0 times a wrong factor is still 0. So Karat reports the zeros instead of a
+    /// product or quotient of arguments.
     fn passes_at_zeros_alone(&self, parameters: &[(String, Shape)]) -> bool {
         let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
         // Drivers may flush subnormal numbers to 0. So a product with the smallest normal number may be 0, too.

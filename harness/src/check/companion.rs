@@ -29,8 +29,7 @@ pub(super) struct WithCompanion<'a> {
 }
 
 impl WithCompanion<'_> {
-    /// Calls `make` with the origin of the arguments. Returns the result of `make`, and the source of random
-    /// numbers for the companion.
+    /// Makes the arguments with `make`. Returns them with the source of random numbers for the companion.
     fn drawn<T>(
         &self,
         origin: Origin<'_>,

@@ -52,7 +52,7 @@ impl Condition {
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {
             let names: Vec<_> = parameters.iter().map(|(name, _)| format!("`{name}`")).collect();
             return Err(match &*names {
-                [] => "the function takes no arguments, so the condition keeps all cases or none"
+                [] => "the function takes no arguments, so the condition keeps all cases or none: remove the condition"
                     .to_owned(),
                 names => format!(
                     "`{text}` names no argument, so this condition keeps all cases or none: use {}",

@@ -14,8 +14,7 @@ pub(super) struct Demand {
     pub(super) arguments: Vec<Shape>,
     /// The words in messages that say who supplies the arguments: `the domain supplies`.
     pub(super) who: &'static str,
-    /// `true` if each part of the stream supplies one argument of the function. Then an error can name the
-    /// argument.
+    /// `true` if each part of the domain supplies one argument, so that an error can name this argument.
     pub(super) draws_arguments: bool,
     /// The number of sampled cases, if the check sets no number.
     pub(super) cases: u64,
@@ -26,8 +25,8 @@ pub(super) struct Demand {
     pub(super) calls: usize,
 }
 
-/// Numbers the cases of a check for a seed. The check or its verb sets the number of cases. Returns an error if
-/// there are no cases.
+/// Determines a check's cases for a seed. The check sets their number, or otherwise the verb (`demand`). Returns an
+/// error if there are no cases.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

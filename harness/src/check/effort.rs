@@ -1,8 +1,7 @@
 //! Limits on the work of simplifying a failing case.
 
-/// The numbers of values that Karat tries when it simplifies a failing case.
-/// A round tries simpler values of the current case, until one of these values fails. The next round begins
-/// with this value.
+/// Limits on the number of values that Karat tries when it simplifies a failing case. A round tries simpler values of
+/// the current case, until one of these values fails. The next round begins with this value.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Effort {
     /// The number of values in the first trial of a round. This number is small, because the first values of a round
@@ -18,8 +17,8 @@ impl Effort {
         Self { first: 128, most: capacity, round: 16_384 }
     }
 
-    /// The limits for arguments that are constants in the kernel. A round tries fewer values, because Karat
-    /// must compile a kernel for every 64 constants.
+    /// The limits for arguments that are constants in the kernel. A round tries fewer values, because Karat must
+    /// compile a kernel for every 64 cases.
     pub(super) fn of_constants(capacity: usize) -> Self {
         Self { round: 192, ..Self::of_calls(capacity) }
     }

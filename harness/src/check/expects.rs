@@ -185,8 +185,8 @@ impl Judge for Reports<'_> {
 
 pub(super) const NAME: &str = "expects";
 
-/// A stream for the shared function of several tests. It writes one test's arguments into the shared function's
-/// row of arguments.
+/// A stream of one test's cases for the function that several tests share. Writes the test's arguments at their place
+/// in the shared function's arguments, and 0 elsewhere.
 #[derive(Debug)]
 struct Placed<'s> {
     stream: Rows<'s>,
@@ -195,7 +195,7 @@ struct Placed<'s> {
     words: usize,
 }
 
-/// A wrapper for a stream, because streams don't implement `Debug`.
+/// A stream with an implementation of `Debug`, which [`Placed`] needs.
 struct Rows<'s>(&'s dyn Stream);
 
 impl std::fmt::Debug for Rows<'_> {

@@ -7,8 +7,8 @@ pub(super) struct Goal<'g> {
     /// The distance between a result and the aim: 0 or less if the result reaches the aim. `None` if the search
     /// has no aim.
     pub(super) distance: Option<Distance<'g>>,
-    /// Returns `true` if these arguments and this result make the tested function's check fail.
+    /// A function that takes a case's arguments and result, and returns `true` if the case fails.
     pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
-    /// Checks if there is a proof that no arguments fail.
+    /// A function that returns `true` if Karat proved that the statement holds for all arguments.
     pub(super) is_proved: &'g dyn Fn() -> bool,
 }

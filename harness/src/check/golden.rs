@@ -23,8 +23,8 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// The number of cases if the check sets no number. It is small, because a person reads the rows, and the
-/// repository keeps them forever.
+/// The number of cases if the check sets no number. The number is small, because a person reads each row of the golden,
+/// and the repository keeps the rows forever.
 const CASES: u64 = 256;
 
 /// The largest size of a finite domain for which the golden contains every value, if the check sets no number
@@ -37,9 +37,9 @@ impl<V> Check<'_, Calls<V>> {
     /// and results.
     ///
     /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at most 1,024
-    /// values. [`cases`](Self::cases) sets another number. The arguments depend on the golden's name, not on the test's
-    /// name. If the domain's arguments differ from the golden's arguments, the check fails until you accept the new
-    /// values.
+    /// values. To set another number, call [`cases`](Self::cases). The arguments depend on the golden's name, not on
+    /// the test's name. If the domain's arguments differ from the golden's arguments, the check fails until you accept
+    /// the new values.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -154,7 +154,8 @@ impl Plan<'_> {
         )
     }
 
-    /// The path that makes goldens: lavapipe or the engine, whichever comes first, or else the first path.
+    /// The path whose values become the golden: the first selected path that is lavapipe or the engine, or else the
+    /// first selected path.
     fn canonical(&self) -> Option<Path> {
         let executors = self.probe.executors().ok()?;
         let canonical = |executor: &&&dyn Executor| {
@@ -177,7 +178,7 @@ enum Left {
 }
 
 impl Failure {
-    /// Adds the message about pending values to the failure of a check with values that differ from the golden.
+    /// Adds the message about the pending values to a failure that says which results differ from the golden.
     fn with_golden(self, source: ValuesError) -> Self {
         match self {
             Self::Disagreement(differs) => {
@@ -198,8 +199,8 @@ impl Failure {
         }
     }
 
-    /// Adds the golden's error to the failure of a check without a usable golden. Such a check has no cases, so
-    /// each path fails for this reason. The golden's error replaces these failures. All other failures stay.
+    /// Adds the golden's error to the failure of a check without a usable golden. Without a golden there are no cases,
+    /// so each path also reports that it has no cases. Removes these reports, and keeps the other failures.
     fn beside_golden(self, source: ValuesError) -> Self {
         let Self::Paths(mut paths) = self else { return Self::golden(source) };
         paths.stopped.retain(|(_, error)| !error.has_no_cases());
@@ -230,8 +231,8 @@ struct Comparison<'c> {
 }
 
 impl Comparison<'_> {
-    /// Makes values pending, unless values that differ from the golden are pending already. If this path makes
-    /// goldens (see `canonical`), its values replace the pending values of other paths.
+    /// Makes this path's values pending if no values are pending yet. The values of the path that makes goldens (see
+    /// `canonical`) also replace other paths' `Left::Other` values.
     fn leave(
         &self,
         session: &Session<'_>,
@@ -247,7 +248,7 @@ impl Comparison<'_> {
         Ok(())
     }
 
-    /// Compares the function's results with the golden, for the golden's arguments.
+    /// Calls the function with the golden's arguments, and compares the results with the golden's.
     fn compare(&self, session: &Session<'_>, golden: &Table) -> Result<PathTally, Failure> {
         let (goldens, case, function) = (self.goldens, self.case, session.called.function());
         let numbering =

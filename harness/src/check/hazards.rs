@@ -85,9 +85,9 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.hazards(&*self.stream, &self.demand(), Some(&kinds))
     }
 
-    /// Accepts the hazard of an operation. `text` is the operation's text in the function, with single spaces.
-    /// `reason` says why the hazard is acceptable. If the operation has no hazard of the kinds that the check asks
-    /// for, the check fails until you remove the declaration.
+    /// Accepts the hazard of an operation. `text` is the operation's text in the function, with single spaces. `reason`
+    /// says why the hazard is acceptable. If the check finds no hazard in this operation, the check fails until you
+    /// remove this call.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -190,7 +190,7 @@ fn class(kind: Kind) -> Class {
 }
 
 impl Session<'_> {
-    /// Returns the hazards for a row of arguments, as notes. Each note has a name and a text.
+    /// Returns the hazards that occur for a row of arguments, as notes for the report: the word `hazard` and a text.
     pub(super) fn hazards_of(&self, row: &[u32], kinds: Kinds) -> Vec<(&'static str, String)> {
         let left_out = |one: &Found| self.leaves_out(one, kinds).0;
         let found = self.witness().and_then(|witness| witness.hazards_but(1, row, &left_out));
@@ -212,8 +212,8 @@ impl Session<'_> {
         found.iter().filter(|one| !left_out(one)).map(shown).collect()
     }
 
-    /// Checks if the check ignores a hazard: because its kind isn't in `kinds`, or because the author accepted
-    /// it. Also returns the index of the declaration that accepts the hazard, if there is one.
+    /// Returns `true` if the hazard's kind isn't in `kinds`, or if the author accepted the hazard with `accept_hazard`.
+    /// Also returns the index of this acceptance, if there is one.
     fn leaves_out(&self, one: &Found, kinds: Kinds) -> (bool, Option<usize>) {
         let text = one_line(&one.text);
         let accepted = self.accepted.iter().position(|own| own.text == text);

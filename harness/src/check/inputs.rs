@@ -1,5 +1,5 @@
-//! The ways to pass arguments to the function. A check with several ways runs once for each way, and has one
-//! verdict.
+//! The ways to pass arguments to the function, such as a storage buffer or constants. If a check selects several ways,
+//! Karat runs the check once for each way, and gives one verdict.
 
 use super::{Calls, Check, Plan};
 use crate::probe::Inputs;
@@ -22,8 +22,8 @@ impl<V> Check<'_, Calls<V>> {
         self
     }
 
-    /// Runs the check with each way to pass arguments, because compilers treat the ways differently (see
-    /// [`Inputs`]). The record has a line for each way.
+    /// Runs the check with each way to pass arguments, because compilers treat the ways differently (see [`Inputs`]).
+    /// The check's record has a result for each way on each path.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -30,7 +30,7 @@ use crate::value::{Arguments, Mirror, Shape};
 pub(super) use assertion::Assertion;
 use group::Group;
 
-/// The number of integrals if the check sets no number. It is small, because each integral takes thousands of
+/// The number of integrals if the check sets no number. The number is small, because each integral takes thousands of
 /// calls.
 const CASES: u64 = 256;
 
@@ -41,10 +41,11 @@ const ENUMERATED: u64 = 65_536;
 impl<'a> Probe<'a> {
     /// Integrates the function by quadrature, once for each case from the domain `cases`.
     ///
-    /// `rule` returns the nodes of a quadrature rule for a case. Each node has a weight and a tuple of all
-    /// arguments of the function, or its single argument. Include cosines and Jacobians in the weight. For each
-    /// component, the integral is the sum of weight times result, in `f64`. The result's components must be
-    /// floats. Karat doesn't know the error of the rule: add it to the tolerance.
+    /// `rule` returns the nodes of a quadrature rule for a case. Each node is a pair of arguments and a weight. The
+    /// arguments are a tuple, or a single value if the function has one parameter. Include cosines and Jacobians in the
+    /// weight. For each component of the result, Karat sums `weight * result` over all nodes in `f64`. The result's
+    /// components must be floats. Karat doesn't know the rule's quadrature error, so choose a tolerance that is larger
+    /// than this error.
     ///
     /// ```no_run
     /// use std::f64::consts::{PI, TAU};
@@ -115,9 +116,10 @@ pub(super) type Rule<'r> = &'r (dyn Fn(&Held, &mut Nodes) + Sync);
 pub(super) struct Integrals<'i> {
     pub(super) arguments: Vec<Shape>,
     pub(super) rule: Rule<'i>,
-    /// A second rule with another number of nodes. If the integrals by the two rules differ, both are doubtful.
+    /// A second rule with another number of nodes. If the two rules give different integrals, Karat can't trust either
+    /// integral.
     pub(super) control: Option<Rule<'i>>,
-    /// A function that appends the components of the expected integral, or of the bound.
+    /// A function that takes a case, and appends the components of the expected integral or of the bound to a vector.
     pub(super) expected: &'i (dyn Fn(&Held, &mut Vec<f64>) + Sync),
     pub(super) shape: Shape,
     pub(super) assertion: Assertion,
@@ -290,7 +292,7 @@ impl Integrals<'_> {
 }
 
 impl Session<'_> {
-    /// Simplifies the worst failing integral, if there is one, and remembers it.
+    /// Simplifies the case of the worst failing integral, if there is one, and stores the case for later runs.
     fn reduce_integrals(
         &self,
         sum: &mut PathTally,

@@ -1,5 +1,5 @@
-//! The verbs `invariant_under` and `scales_under`. They check that results stay the same, or change by a known
-//! factor, when the arguments are transformed.
+//! The verbs `invariant_under` and `scales_under`. These verbs transform the arguments, and check that the result stays
+//! the same or changes by a known factor.
 
 use super::batch::Batch;
 use super::demand::Demand;
@@ -13,10 +13,10 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::Arguments;
 
-/// A function that appends the words of the transformed arguments.
+/// A function that transforms a row of arguments, and appends the words of the new arguments to a vector.
 pub(super) type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
-/// A function that returns the factor by which the result must change. It receives the words of the original
+/// A function that returns the factor by which the result must change. The function receives the words of the original
 /// arguments.
 type Factor<'t> = &'t (dyn Fn(&[u32]) -> f64 + Sync);
 
@@ -28,7 +28,7 @@ pub(super) struct Scaling<'t> {
 }
 
 impl Scaling<'_> {
-    /// The result must stay the same.
+    /// The verb `invariant_under`, which needs no factor, because the result must stay the same.
     pub(super) const NONE: Self = Self { check: "invariant_under", factor: None };
 
     /// Computes the factor for each case. `None` if the result must stay the same. Returns an error if a factor
@@ -144,7 +144,7 @@ fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mu
     move |row, lanes| transform(V::load_all(&mut row.iter())).store_all(lanes)
 }
 
-/// The note beside `returned` for `scales_under`.
+/// The note that a report of `scales_under` prints beside the returned value.
 const SCALED: &str = "returned for the arguments with a prime; expected: the result for the arguments without a prime, times the factor";
 
 impl Plan<'_> {

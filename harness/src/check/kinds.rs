@@ -32,7 +32,7 @@ impl Kinds {
 
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
-    /// The text of the operation in the source.
+    /// The operation's source text, with single spaces.
     pub(super) text: String,
     pub(super) reason: String,
 }

@@ -46,8 +46,7 @@ pub enum Mismatch {
          `Spec`, which checks that WGSL allows the driver's results"
     )]
     Itself,
-    /// The check's range contains no number, or every number. So either no result passes the check, or every
-    /// result passes.
+    /// The check's range contains no number, so no result passes, or every number, so every result passes.
     #[error("is checked for a result that {0}: no result passes this check, or every result does")]
     Range(String),
     /// The check looks for no kind of hazard, or for a kind that no operation can have.
@@ -102,7 +101,7 @@ pub enum Mismatch {
     NoPlace {
         /// The number of the function's parameters.
         count: usize,
-        /// The index that the check selects, counted from 0.
+        /// The selected index, counted from 0.
         place: usize,
     },
     /// A parameter isn't a single number.
@@ -176,8 +175,8 @@ fn member(differing: Option<Differing>) -> String {
     format!("\n  member {place} of `{structure}` is {wgsl} in the function, but {host} in the test")
 }
 
-/// Returns a hint if the check has a tuple instead of one vector or structure, or a vector or structure instead
-/// of a tuple.
+/// Returns a hint if the test supplies a tuple for one vector or structure, or a vector or structure for several
+/// parameters.
 fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
     let apart = declared.len() != supplied.len() && lanes(declared) == lanes(supplied);
@@ -192,7 +191,7 @@ fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     }
 }
 
-/// The name that a type probably has in a test in Rust.
+/// The name that a WGSL type probably has in a Rust test: `Vec3`, `UVec2`.
 fn host_name(shape: &Shape) -> String {
     match shape {
         Shape::Vector { size, scalar: Scalar::U32 } => format!("UVec{size}"),

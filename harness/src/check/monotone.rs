@@ -42,16 +42,17 @@ impl fmt::Display for Trend {
     }
 }
 
-/// The possible numbers of candidates for a case's second value. Karat uses the candidate nearest to the case's first
-/// value. The difference between the two values is the step. A single candidate may lie at the other end of the range.
-/// The nearest of 32 candidates is about 1/64 of the range away. A wide step shows a wrong slope, and a short step
-/// shows a bump. In three of four cases, Karat shortens the step by a random factor, down to 1/4096. Such short steps
-/// show a small jump backwards, which the slope hides over a wide step. Short steps usually find a jump of 1/1000 of
-/// the range.
+/// The possible numbers of candidates. For each case, Karat picks one of these numbers at random, samples as many
+/// candidates for the case's second value, and uses the candidate nearest to the case's own value. The difference
+/// between the two values is the step. A single candidate may lie at the other end of the range. The nearest of 32
+/// candidates is about 1/64 of the range away. A wide step shows a wrong slope, and a short step shows a bump. In three
+/// of four cases, Karat shortens the step by a random factor, down to 1/4096. Over a wide step, the function's slope
+/// hides a small jump backwards, but over such a short step, the jump shows. Short steps usually find a jump of 1/1000
+/// of the range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
-/// The largest number of attempts to sample a value that differs from the first value. A domain may be a list
-/// of only two values.
+/// The largest number of attempts to sample a second value that differs from the case's own value. If the domain is a
+/// list of two values, about half of the attempts give the case's own value again.
 const PATIENCE: u32 = 64;
 
 const NAME: &str = "is_monotone_in";
@@ -62,7 +63,7 @@ impl<V> Check<'_, Calls<V>> {
     ///
     /// Karat calls the function twice for each case: with the sampled arguments, and with a second value of the
     /// argument that the check varies. Karat samples the second value separately, near the first value or far from it.
-    /// So in the domain, the argument must be independent of the other arguments. A result may change in the wrong
+    /// So the domain must let this argument vary independently of the other arguments. A result may change in the wrong
     /// direction by up to the tolerance, because of rounding.
     ///
     /// ```no_run
@@ -228,7 +229,8 @@ impl Companion for Other<'_> {
         self.domain.admits(&self.replaced(arguments, companion[0]))
     }
 
-    /// Returns simpler second values: the domain's edges, and the domain's simplifications of this value.
+    /// Returns simpler second values than `companion`: edges of the domain, and the domain's simplifications of
+    /// `companion`.
     fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>> {
         let other = companion[0];
         let weight = |word: u32| match self.argument.scalar {

@@ -115,10 +115,9 @@ impl<V> Check<'_, Calls<V>> {
     ///
     /// For floats, Karat rounds each end of the range to the nearest `f32`. NaN and infinite results fail.
     ///
-    /// Karat also computes the results that WGSL allows for all arguments of the domain. If all these results
-    /// lie in the range, the statement is [`proved`](Agreement::proved). Otherwise, if the range excludes an
-    /// end, Karat searches for failing arguments. The search begins at the cases with results nearest to that
-    /// end.
+    /// Karat also computes the results that WGSL allows for all arguments of the domain. If all these results lie in
+    /// the range, the statement is [`proved`](Agreement::proved). Otherwise, if the range excludes an end, Karat
+    /// searches for failing arguments. The search begins at the cases with results nearest to an excluded end.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -188,7 +187,7 @@ impl<V> Check<'_, Calls<V>> {
 }
 
 impl Plan<'_> {
-    /// The tested function. The function's result includes the values that the function writes.
+    /// The tested function. If the function writes resources, its result also contains the contents of these resources.
     pub(super) fn function(&self) -> Result<Function, Failure> {
         let probe = &self.probe;
         let mut probed = Probed::in_valid(probe.package, &probe.name, &probe.overrides)?;
@@ -196,8 +195,8 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
-    /// Calls `then` with the value in `begun`, which the check needs before its first case. If `begun` is an error,
-    /// the error is the verdict, and Karat records it like other verdicts.
+    /// Calls `then` with the value in `begun`, which the check needs before its first case, such as a reference
+    /// function. If `begun` is an error, the error is the verdict, and Karat records it like other verdicts.
     pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,
@@ -405,7 +404,7 @@ struct Shadow {
     span: Span,
     shape: Shape,
     interpreted: Interpreted,
-    /// The indices of the sampled components that the reference takes. `None`: all components.
+    /// The indices of the argument components that the reference takes. `None` if the reference takes all components.
     kept: Option<Vec<usize>>,
 }
 

@@ -1,4 +1,4 @@
-//! The judgements of all cases on a path, with the failing cases that a report shows.
+//! The results of a check on one path: the counts over all cases, and the failing cases that a report shows.
 
 use super::called::Called;
 use super::sample::Sample;
@@ -7,7 +7,7 @@ use crate::judge::{Shown, Tally};
 use crate::path::{Adapter, Path};
 use crate::record::{Allowance, PathRecord};
 
-/// The judgements of one path's cases, summed up, and the failing cases that a report shows.
+/// The number of cases and failures on one path, the worst error, and the failing cases that a report shows.
 pub(super) struct PathTally {
     pub(super) adapter: Adapter,
     pub(super) path: Path,
@@ -17,7 +17,7 @@ pub(super) struct PathTally {
     pub(super) simplest: Option<Simplest>,
     /// One line that says for which arguments the function fails.
     pub(super) cause: Option<String>,
-    /// The largest error that WGSL allows, compared with the tolerance.
+    /// The errors that WGSL allows the function, compared with the tolerance.
     pub(super) allowed: Option<Allowance>,
     /// The cases for the plots in reports.
     sample: Option<Sample>,

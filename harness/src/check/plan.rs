@@ -1,4 +1,4 @@
-//! The settings that a check has for every verb.
+//! The settings of a check that are the same for every verb.
 
 use super::tolerances::Tolerances;
 use super::{Failure, Probe};
@@ -33,7 +33,7 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Joins the tolerance of the verb and the tolerances that the check sets for single paths.
+    /// Returns the verb's tolerance together with the tolerances that the check sets for single paths.
     pub(super) fn tolerances(&self, general: Tolerance) -> Tolerances {
         Tolerances { general, on: self.tolerance_on.clone() }
     }

@@ -17,9 +17,9 @@ const TOGETHER: usize = 256;
 type Ends = [Vec<u32>; 2];
 
 impl Session<'_> {
-    /// Tries to prove that the statement holds for each result that WGSL allows, for all arguments of the
-    /// domain. The proof halves boxes of arguments until the statement holds for each box. `false` means only
-    /// that there is no proof. If the function reads a resource, returns `false`.
+    /// Tries to prove that the statement holds for each result that WGSL allows, for all arguments of the domain. The
+    /// proof halves boxes of arguments until the statement holds for each box. `false` means that Karat found no proof.
+    /// The statement may still hold. If the tested function reads a resource, Karat doesn't look for a proof.
     pub(super) fn is_proved(&self, holds: &dyn Fn(&[Bound]) -> bool) -> bool {
         if self.is_replay() || !self.called.function().bindings.is_empty() {
             return false;
@@ -176,8 +176,8 @@ mod tests {
         assert_eq!(halves(&whole, &[Scalar::I32]), Some(expected));
     }
 
-    /// Halves of a range of floats share a number between the ends. Two adjacent floats have no number between
-    /// them.
+    /// The two halves of a range of floats share the number at which Karat cuts the range. A range of two adjacent
+    /// floats has no number between its ends, so Karat can't cut it.
     #[test]
     fn both_halves_of_a_float_range_share_one_number() {
         let all =
@@ -200,8 +200,8 @@ mod tests {
         assert_eq!(halves(&[vec![0], vec![0x3c00]], &[Scalar::F16]), None);
     }
 
-    /// If WGSL's bounds exceed the range, or if WGSL sets no bounds, there is no proof, although the actual
-    /// results stay in the range. The proof gives up after some thousand boxes.
+    /// If WGSL's bounds exceed the range, or if WGSL sets no bounds, there is no proof, although the actual results
+    /// stay in the range. The proof gives up after 4,096 boxes.
     #[test]
     fn there_is_no_proof_if_the_wgsl_bounds_exceed_the_range() {
         let package = Package::from_source(
@@ -224,7 +224,8 @@ mod tests {
         assert!(large.stays_within(0.0..=16_777_217.0).proved);
     }
 
-    /// In an application, a buffer may contain other values than in the test.
+    /// Karat proves nothing about a function that reads a buffer, because the buffer may contain other values in an
+    /// application than in the test.
     #[test]
     fn a_read_buffer_is_not_an_argument() {
         let package = Package::from_source(

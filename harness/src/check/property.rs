@@ -9,8 +9,8 @@ use super::session::Session;
 use crate::executor::Results;
 use crate::judge::{Judged, Shown, tally};
 
-/// The note beside `returned` for a case that also calls the function with changed arguments. The
-/// report marks changed arguments with a prime.
+/// The note that a report prints beside the returned value if the verb calls the function a second time, with changed
+/// arguments. The report marks the changed arguments with a prime.
 pub(super) const PRIMED: &str = "returned for the arguments with a prime; expected: the result for the arguments without a prime";
 
 /// The parts of a failing case that a report shows.
@@ -18,7 +18,7 @@ pub(super) struct Exhibit {
     pub(super) lanes: Vec<u32>,
     /// The names and values of arguments or rotations that the check varied for this case.
     pub(super) varied: Vec<(String, String)>,
-    /// The note that names the compared results, if a case calls the function more than once.
+    /// The note that says which results the verb compared, if the verb calls the function more than once for each case.
     pub(super) compared: &'static str,
     pub(super) actual: Vec<u32>,
     pub(super) expected: Vec<f64>,

@@ -21,7 +21,8 @@ use crate::value::{Arguments, Mirror, Shape, Shareable};
 /// The default number of rings. Each ring has twice as many directions as there are rings.
 const RINGS: u16 = 64;
 
-/// The region of directions of an integral, with +Z as the pole, and the integral's measure.
+/// The directions over which Karat integrates, such as the hemisphere around +Z, and the measure: solid angle or
+/// projected solid angle.
 ///
 /// ```
 /// use std::f64::consts::TAU;
@@ -46,7 +47,7 @@ enum Region {
 }
 
 impl Directions {
-    /// The whole sphere, measured by solid angle. Its measure is 4 pi.
+    /// The whole sphere, measured by solid angle. The integral of 1 is 4 pi.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -58,7 +59,7 @@ impl Directions {
         Self { region: Region::Sphere, rings: RINGS }
     }
 
-    /// The hemisphere z > 0, measured by solid angle. Its measure is 2 pi.
+    /// The hemisphere z > 0, measured by solid angle. The integral of 1 is 2 pi.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -70,7 +71,7 @@ impl Directions {
         Self { region: Region::Hemisphere, rings: RINGS }
     }
 
-    /// The hemisphere z > 0, measured by projected solid angle, which includes the cosine. Its measure is pi.
+    /// The hemisphere z > 0, measured by projected solid angle, which includes the cosine. The integral of 1 is pi.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -96,7 +97,7 @@ impl Directions {
         Self { rings: rings.max(4), ..self }
     }
 
-    /// The second rule, which has fewer rings. Its integral must agree with the integral by this rule.
+    /// The second rule, which has fewer rings. The integrals of both rules must agree.
     fn control(self) -> Self {
         Self { rings: self.rings - self.rings / 4, ..self }
     }
@@ -127,10 +128,9 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// domain supplies the other arguments. Use `()` as the domain if the function has no other arguments. The
     /// default is 256 cases.
     ///
-    /// Karat computes each integral with two rules that have different numbers of rings. If the errors of both
-    /// integrals are larger than the difference between the integrals, the check fails. Otherwise, if the
-    /// integrals differ by more than the tolerance, the check has no verdict and is an error. The function then
-    /// has a lobe that is narrower than the rings.
+    /// Karat computes each integral with two rules that have different numbers of rings. If both integrals are clearly
+    /// wrong, the check fails. Otherwise, if the integrals differ by more than the tolerance, the check has no verdict
+    /// and is an error: the function has a lobe that is narrower than the rings.
     ///
     /// If a lobe lies between the rings of both rules, both rules miss the lobe, and the check ignores it. (The
     /// innermost of 64 rings is 1.5 degrees from the pole.) For such lobes, and if there is no verdict, set more

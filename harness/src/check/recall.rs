@@ -26,15 +26,15 @@ impl Session<'_> {
         rows
     }
 
-    /// Checks if the domain still contains the value. If the domain can't tell this, the same sampling and
-    /// simplification as before must give the same value.
+    /// Checks if the domain still contains the stored value. If `admits` returns no answer, repeats the value's
+    /// sampling and simplification, which must give the same value as before.
     fn still_drawn(&self, entry: &Entry) -> bool {
         let again = || Some(self.descend(&entry.descent)?.row == entry.words);
         self.stream.admits(&entry.words).unwrap_or_else(|| again() == Some(true))
     }
 
-    /// The cases of integrals that failed earlier. Leaves out a case if the same sampling and
-    /// simplification as before gives another case now.
+    /// The cases of integrals that failed earlier. Repeats the sampling and simplification of each stored case. Leaves
+    /// out a case if the result differs from the stored case.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();

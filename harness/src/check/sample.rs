@@ -9,21 +9,21 @@ use crate::value::{Scalar, Shape};
 /// The number of cases in a distribution or a plot: enough for a map of 20 by 20 cells.
 const CASES: usize = 512;
 
-/// Some cases with their ratios. A ratio is an error divided by its bound.
+/// Some cases with their ratios. A ratio is an error divided by its tolerance.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
     names: Vec<String>,
     scalars: Vec<Scalar>,
     rows: Vec<Vec<u32>>,
     ratios: Vec<f64>,
-    /// The number of cases that Karat picked independently of their errors. The worst case and the first
-    /// failing case follow these cases.
+    /// The number of cases that Karat picked independently of their errors. In `rows` and `ratios`, the worst case and
+    /// the first failing case follow these cases.
     chosen: usize,
 }
 
 impl Sample {
-    /// Selects the cases to keep. In the first sampled batch, these are all failing cases, and some other cases
-    /// if Karat writes a record.
+    /// Selects the cases to keep: all failing cases of the first sampled batch, and if Karat writes a record, about
+    /// `CASES` more cases of this batch. Keeps no case of other batches.
     pub(super) fn picked(batch: &Batch) -> Picked {
         if !batch.is_drawn || batch.first != 0 {
             return Picked::default();

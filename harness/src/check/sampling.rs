@@ -3,8 +3,8 @@
 //! A configuration is a value of the sampler's other arguments, such as a roughness and a view direction. A check runs
 //! the sampler with several configurations. Each configuration has its own stream of random numbers, which depends only
 //! on the seed and the configuration's index. For each configuration, the check compares a p-value with a threshold.
-//! With this threshold, the whole check rejects a correct sampler with a probability equal to the significance. The
-//! check fails at once if a sample isn't finite, lies outside the support (unless the check allows this), or has
+//! Karat computes this threshold so that the whole check rejects a correct sampler with the probability `significance`.
+//! The check fails at once if a sample isn't finite, lies outside the support (unless the check allows this), or has
 //! density 0.
 //!
 //! All paths use the same random numbers, so the paths don't count as separate statistical tests.
@@ -32,8 +32,8 @@ use crate::stats::Support;
 use crate::value::{Arguments, Shape, Shareable};
 use calls::given;
 
-/// The number of configurations if the check sets no number. It is small, because each configuration has a
-/// quarter million samples.
+/// The number of configurations if the check sets no number. The number is small, because each configuration has a
+/// quarter of a million samples.
 const CONFIGURATIONS: u64 = 16;
 
 /// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
@@ -45,11 +45,12 @@ const ENUMERATED: u64 = 4096;
 /// only one of 10^9 runs.
 const SAMPLES: u64 = 1 << 18;
 
-/// The default probability that a check rejects a correct sampler, for one seed. Mitsuba uses the same value.
+/// The default probability that a check rejects a correct sampler, for one seed. The tests of the renderer Mitsuba use
+/// the same value.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The default limit for the difference between a density's integral and 1, without the error of the
-/// quadrature. An error of a few hundred ulp in the density at each node can add up to this difference.
+/// The default limit for the difference between a density's integral and 1. Karat adds the quadrature's error to this
+/// limit. An error of a few hundred ulp in the density at each node can add up to this difference.
 const MASS: f64 = 2e-4;
 
 impl<'a> Probe<'a> {
@@ -156,10 +157,9 @@ where
         self
     }
 
-    /// Sets the probability that the check, with all its configurations, rejects a correct sampler. The default
-    /// is 1 %. The seed is fixed, so every run gives the same verdict. If the check rejects your sampler, try
-    /// ten times as many samples. If the sampler then passes, choose other random numbers with
-    /// [`seed`](Self::seed).
+    /// Sets the probability that the check, with all its configurations, rejects a correct sampler. The default is 1 %.
+    /// The seed is fixed, so every run gives the same verdict. If the check rejects your sampler, try ten times as many
+    /// samples. If the sampler then passes, the rejection was chance: choose another [`seed`](Self::seed).
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -173,8 +173,8 @@ where
         self
     }
 
-    /// Declares that samples may lie outside the support, such as directions that are reflected below the
-    /// horizon. The share of these samples must be 1 minus the density's integral.
+    /// Declares that samples may lie outside the support, such as directions that are reflected below the horizon. Of
+    /// all samples, the share outside the support must be 1 minus the density's integral over the support.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -191,8 +191,8 @@ where
         self
     }
 
-    /// Sets the largest allowed difference between the density's integral and 1. Karat adds the error of the
-    /// quadrature. The default is 2e-4.
+    /// Sets the largest allowed difference between the density's integral and 1. Karat adds the quadrature's error to
+    /// this limit. The default is 2e-4.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -254,12 +254,12 @@ struct Hypothesis {
     check: &'static str,
     /// The text of the assertion, for records and messages.
     text: String,
-    /// The number of statistical tests per configuration. The significance is the error probability of all
-    /// tests together.
+    /// The number of statistical tests per configuration. The significance is the probability that at least one of all
+    /// tests rejects a correct sampler.
     tests: u64,
 }
 
-/// A configuration of a check while it runs on one path.
+/// A configuration for which a check is running on one path.
 struct Configuration<'s> {
     value: &'s Held,
     index: u64,
@@ -278,12 +278,12 @@ struct Sampled<'s, 'a> {
     shapes: &'s [Shape],
     /// The type of the random numbers for one sample.
     random: &'s Shape,
-    /// A function that appends the sampler's arguments for some random numbers.
+    /// A function that appends the sampler's arguments, for a configuration and random numbers, to a vector.
     arguments: Made<'s>,
 }
 
-/// A function that appends arguments for a configuration and some points or random numbers. The points or
-/// numbers are `u32` words, one point or number after the other.
+/// A function that takes a configuration and points (or random numbers) as `u32` words, and appends a function's
+/// arguments for each point to a vector.
 type Made<'m> = &'m (dyn Fn(&Held, &[u32], &mut Vec<u32>) + Sync);
 
 /// A second function of the check, such as the density.
@@ -301,7 +301,8 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Calls `then` with a sampler that has a fixed type. So the compiler compiles `then` only once.
+    /// Calls `then` with the sampler as a `Sampled`. `Sampled` has no type parameters, so the compiler compiles the
+    /// code behind `then` only once.
     fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
         then(Sampled {
             plan: &self.plan,
@@ -334,7 +335,7 @@ impl Settings {
     }
 }
 
-/// Turns a function with Rust types into a function that appends the arguments' words.
+/// Turns `of`, which returns arguments as Rust values, into a function that appends the arguments' words to a vector.
 fn made<V: 'static, X: Shareable, B: Arguments>(
     of: impl Fn(&V, X) -> B + Sync,
 ) -> impl Fn(&Held, &[u32], &mut Vec<u32>) + Sync {

@@ -10,7 +10,7 @@ use super::session::Session;
 use crate::probe::Inputs;
 use crate::value::Scalar;
 
-/// The number of cases that a search examines first. Each round of the search begins at the `FOLLOWED` rows of
+/// The largest number of cases that a search examines first. Each round of the search begins at the `FOLLOWED` rows of
 /// arguments with results nearest to the excluded value.
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
@@ -24,8 +24,8 @@ const PATIENCE: usize = 3;
 const SIMPLER: usize = 64;
 
 impl Session<'_> {
-    /// Returns the simplest failing arguments that the search finds. `None` if the search finds no failing
-    /// arguments, or if the domain can't tell which arguments it contains.
+    /// Returns the simplest failing arguments that the search finds. `None` if the search finds no failing arguments,
+    /// or if Karat can't check whether the domain contains given arguments.
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
         let Some(distance) = goal.distance else { return Ok(None) };
@@ -94,8 +94,7 @@ impl Session<'_> {
         Ok(Err(near))
     }
 
-    /// Returns rows that differ from `row` in one number. In these rows, the number is multiplied by a power
-    /// of two, changed by some ulp, or moved nearer to an integer.
+    /// Returns rows that differ from `row` in one number. An integer changes by 1 or 16. For floats, see `of_float`.
     fn neighbours(&self, row: &[u32]) -> Vec<Vec<u32>> {
         let mut all = Vec::new();
         for (lane, scalar) in self.called.argument_scalars().iter().enumerate().take(row.len()) {
@@ -140,8 +139,8 @@ impl Session<'_> {
     }
 }
 
-/// Returns numbers around `x`, at distances from one ulp to an eighth of `x`. Also returns small positive and
-/// negative numbers, which vanish by rounding when added to a larger number.
+/// Returns numbers to try instead of `x`: `-x`, fractions of `x`, numbers from 1 to 2^20 ulp away, and the nearest
+/// integer with its neighbours. Also returns tiny numbers, such as 2^-30, because `1.0 + tiny` rounds to 1.0.
 fn of_float(x: f32) -> Vec<f32> {
     const SMALL: f32 = 1.0 / 1_073_741_824.0; // 2^-30
     const ULPS: [i32; 6] = [1, 16, 256, 4096, 65_536, 1 << 20];

@@ -24,16 +24,16 @@ use crate::path::{Api, Path};
 use crate::probe::{BATCH, Inputs, ProbeError};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
-/// The smallest capacity of a dispatch, in calls. Even a check with few cases needs room for the simpler values
-/// of a failing case.
+/// The smallest capacity of a dispatch, in calls. Even a check with few cases needs room for the many simpler values
+/// that Karat tries if a case fails.
 const SMALLEST: usize = 256;
 
-/// The largest capacity of a dispatch, in calls. Each dispatch has an overhead of some hundred microseconds,
-/// during which the CPU's cores wait. So the default number of cases, and somewhat more, fit into one dispatch.
+/// The largest capacity of a dispatch, in calls. Each dispatch costs some hundred microseconds, during which the CPU's
+/// cores wait. So one dispatch has room for twice the default number of cases.
 const LARGEST: usize = 2 * BATCH;
 
-/// The capacity of a check's dispatches. With this capacity, the check needs as few dispatches as possible, all
-/// of about the same size.
+/// The capacity of each of a check's dispatches, in calls. With this capacity, the check needs as few dispatches as
+/// possible, all of about the same size.
 fn room_for(cases: usize) -> usize {
     cases.div_ceil(cases.div_ceil(LARGEST).max(1)).max(SMALLEST)
 }
@@ -41,7 +41,7 @@ fn room_for(cases: usize) -> usize {
 #[derive(Clone, Debug)]
 pub(super) struct Asserted {
     pub(super) check: &'static str,
-    /// The tolerance, or the statement.
+    /// The tolerance or the statement that the verb checks, as text.
     pub(super) text: String,
     pub(super) expectation: Expectation,
     /// `true` if Karat stores failing arguments, so that later runs try them again.
@@ -51,11 +51,12 @@ pub(super) struct Asserted {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Explained {
-    /// No notes, because the verb compares the results of several calls, or changes the case's arguments.
+    /// A report of a failing case has no notes, because the verb compares several calls, or changes the case's
+    /// arguments.
     Nothing,
-    /// The results that WGSL allows for the case's arguments.
+    /// A report of a failing case lists the results that WGSL allows for the case's arguments.
     ByBounds,
-    /// The hazards of operations inside of the function.
+    /// A report of a failing case lists the hazards of operations inside of the function.
     ByHazards(super::kinds::Kinds),
 }
 
@@ -82,7 +83,7 @@ pub(super) struct Session<'a> {
     pub(super) executor: &'a dyn Executor,
     /// The textures, samplers and buffers that the test supplies.
     pub(super) fixtures: &'a Fixtures,
-    /// The inputs of earlier failures. `None` if the check doesn't remember them.
+    /// The inputs of earlier failures. `None` if Karat stores no failures of this check.
     pub(super) memory: Option<&'a Memory>,
     pub(super) recorded: bool,
     pub(super) accepted: &'a [super::kinds::Accepted],
@@ -152,15 +153,15 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Makes the check run the inputs of earlier failures again, and remember new failing inputs. A check with
-    /// a single case and without arguments remembers nothing.
+    /// Makes the check run the inputs of earlier failures again, and remember new failing inputs. A check of a function
+    /// without arguments has a single case, so the check remembers nothing.
     pub(super) fn remembering(self, memory: Option<&'a Memory>) -> Self {
         // Cases of integrals may have a width of 0 words.
         let memory = memory.filter(|_| self.stream.width() > 0 || self.count() > 1);
         Self { memory, ..self }
     }
 
-    /// The function in Karat's engine. The engine computes the results that WGSL allows.
+    /// The tested function, ready to run in Karat's engine, which also computes the results that WGSL allows.
     pub(super) fn witness(&self) -> Result<Interpreted, ProbeError> {
         Interpreted::new(&self.called.probed, self.fixtures)
     }
@@ -177,8 +178,7 @@ impl<'a> Session<'a> {
         self.cases.count
     }
 
-    /// The path, if the environment variables can select it. `None` for an executor that the test's author
-    /// supplies.
+    /// The path, if environment variables can select the path. `None` if the test's author supplies the executor.
     pub(super) fn selectable(&self) -> Option<Path> {
         (!self.own_executors).then_some(self.called.path)
     }
@@ -197,7 +197,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Checks if a replay runs a single case. Some verdicts need all cases.
+    /// Checks if a replay runs a single case. After such a run, Karat skips the verdicts that need all cases.
     pub(super) fn is_replay(&self) -> bool {
         self.case.is_some()
     }
@@ -223,8 +223,8 @@ impl<'a> Session<'a> {
         self.identity.steps(&self.called.function().name, &self.name())
     }
 
-    /// Follows steps of simplification from a case to a simpler value. `None` if the steps don't lead to a
-    /// value any more.
+    /// Follows steps of simplification from a case to a simpler value. `None` if the domain no longer offers one of
+    /// these steps.
     pub(super) fn descend(&self, descent: &Descent) -> Option<Held> {
         let Descent { seed, case, steps } = descent;
         let cases = self.cases.with_seed(*seed);
@@ -313,8 +313,8 @@ impl<'a> Session<'a> {
         Ok(sum)
     }
 
-    /// Returns an error if the kernel has the arguments as constants, but WGSL can't write an edge of the
-    /// domain as a constant. Without this test, the error would occur only in some runs.
+    /// Returns an error if the kernel contains the arguments as constants, but WGSL can't write an edge of the domain
+    /// as a constant. Without this test, the error would occur only in runs that sample this edge.
     fn expect_constants(&self) -> Result<(), Failure> {
         if self.inputs != Inputs::Constant {
             return Ok(());
@@ -341,7 +341,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Judges remembered inputs. Their indices follow the indices of the cases.
+    /// Judges the remembered inputs. Karat numbers these inputs after the check's cases.
     fn run_again(
         &self,
         remembered: &[Vec<u32>],
@@ -385,7 +385,7 @@ impl<'a> Session<'a> {
         sum.map_or_else(|| self.called.vacuous(Vacuous::NoCases), Ok)
     }
 
-    /// Makes a batch of cases. Their indices begin at `first`.
+    /// Makes a batch of cases. The first case has the index `first`.
     pub(super) fn batch(&self, first: u64, rows: Vec<u32>, cases: usize) -> Batch {
         Batch::new(first, rows, cases, self.stream.width(), self.called.words)
     }

@@ -1,8 +1,8 @@
 //! Simplifies a failing case on its path, to the simplest case that still fails.
 //!
-//! Each round judges simpler values of the current case (see `Domain::shrink`) with the verb, and continues
-//! with the first failing value. A check that passes simplifies nothing. The result depends only on the case,
-//! unless the time runs out.
+//! Each round judges simpler values of the current case (see `Domain::shrink`) with the verb, and continues with the
+//! first failing value. If no case fails, Karat simplifies nothing. The same failing case always gives the same
+//! simplest case, unless the time runs out.
 
 use std::time::{Duration, Instant};
 
@@ -17,8 +17,8 @@ use crate::run::Descent;
 /// a matrix.
 const ROUNDS: usize = 50;
 
-/// The time limit for one case. Only checks with slow references reach the limit. The simplest case of such a
-/// check may be less simple.
+/// The time limit for one case. Only checks with slow references reach the limit. If the time runs out, Karat reports
+/// the simplest case that it has found so far.
 const TIME: Duration = Duration::from_secs(20);
 
 /// The largest number of trials in one round that may give an error instead of a verdict, for example because a
@@ -55,8 +55,8 @@ impl Session<'_> {
     }
 }
 
-/// Finds the first failing value. Returns its index in `values`, and its failure. In each call of `judge`, the
-/// indices begin at 0.
+/// Finds the first failing value. Returns its index in `values`, and its failure. In each call, `judge` counts its
+/// values from 0.
 fn first_failing(
     values: &[Held],
     effort: Effort,

@@ -17,13 +17,13 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
-/// A statement that is only about results. Karat can prove such a statement for all arguments, or search for
-/// arguments that violate the statement.
+/// A statement about results that ignores the arguments. Karat can prove such a statement for all arguments, or search
+/// for arguments that violate the statement.
 pub(super) struct Beyond<'b> {
     /// The distance between a result and an excluded value. `None` if the statement excludes no value. Karat
     /// then doesn't search.
     pub(super) distance: Option<Distance<'b>>,
-    /// Checks if the statement holds for every result with components within these bounds.
+    /// A function that checks if the statement holds for all results whose components lie within these bounds.
     pub(super) holds: &'b dyn Fn(&[Bound]) -> bool,
 }
 
@@ -97,8 +97,8 @@ impl Plan<'_> {
     }
 
     /// Checks a verb's statement for each case. If the statement holds for all cases and `beyond` is `Some`, tries to
-    /// prove the statement for all arguments. Without a proof, searches for arguments with results nearer to an
-    /// excluded value.
+    /// prove the statement for all arguments. If there is no proof, searches for arguments with a result that reaches
+    /// an excluded value.
     pub(super) fn states_beyond(
         &self,
         stream: &dyn Stream,

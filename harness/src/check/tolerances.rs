@@ -20,15 +20,15 @@ impl Tolerances {
         self.on.on(called.path, &called.adapter)
     }
 
-    /// Returns an error if a bound of a tolerance can't be used, or if a tolerance's number of bounds differs
-    /// from the result's number of components.
+    /// Returns an error if a tolerance has an unusable bound, or has more or fewer bounds than the result has
+    /// components.
     pub(super) fn expect_usable(&self, called: &Called<'_>) -> Result<(), Failure> {
         let mut all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
         all.try_for_each(|tolerance| called.expect_lanes(tolerance))
     }
 }
 
-/// Returns an error if a path has its own tolerance, because the verb has no tolerance.
+/// Returns an error if the test sets a tolerance for a path, although the verb uses no tolerance.
 pub(super) fn expect_none(
     on: &Selected<Tolerance>,
     check: &'static str,

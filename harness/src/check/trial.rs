@@ -14,11 +14,11 @@ use crate::path::Adapter;
 use crate::record::Subject;
 use crate::run::{Conclusion, Identity, Judged, Memory, Report, reported, with_inputs};
 
-/// A function of a verb that may change the verdict before Karat records it.
+/// A verb's last step: a function that may change the verdict before Karat records the verdict.
 pub(super) type Last<'l> =
     &'l mut dyn FnMut(Result<Agreement, Failure>, &mut Vec<FileRead>) -> Result<Agreement, Failure>;
 
-/// The work of a verb on one path. A verb sees one path at a time, so it can't skip a path.
+/// The work of a verb on one path. Karat calls this function once for each path, so a verb can't skip a path.
 pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<PathTally, Failure>;
 
 impl Plan<'_> {
@@ -32,8 +32,8 @@ impl Plan<'_> {
         self.conclude_as(asserted, stream, demand, verb, &mut |result, _| result)
     }
 
-    /// Concludes a check like `conclude`, for a verb that may change the verdict at the end, and may read more
-    /// files.
+    /// Runs a check like `conclude`. At the end, `last` may change the verdict, and list more files that the check
+    /// read.
     pub(super) fn conclude_as(
         &self,
         asserted: &Asserted,
@@ -47,8 +47,8 @@ impl Plan<'_> {
         self.conclude_unless(run, asserted, stream, demand, (verb, last))
     }
 
-    /// Concludes a check like `conclude_as`, with an identity that several runs share. Writes no record if
-    /// `withheld` is set, because a later run gives the verdict.
+    /// Runs a check like `conclude_as`, with an identity that several runs share. If `withheld` is `true`, a later run
+    /// gives the verdict, so this run writes no record.
     pub(super) fn conclude_unless(
         &self,
         (identity, withheld): (&Identity, &AtomicBool),

@@ -15,7 +15,7 @@ pub enum Vacuous {
     /// The domain has no value.
     #[error("is empty: {}", shown(emptiness, argument.as_deref()))]
     Empty {
-        /// The argument with an empty domain, if it is known.
+        /// The argument with an empty domain, if Karat knows which argument that is.
         argument: Option<String>,
         /// The reason why the domain is empty.
         emptiness: Emptiness,
@@ -28,7 +28,7 @@ pub enum Vacuous {
     TooManyCases(u64),
     /// A filter rejects nearly all values.
     #[error(
-        "has a filter that rejects nearly all values: use narrower ranges, or compute values that pass from other values"
+        "has a filter that rejects nearly all values: use narrower ranges, or replace the filter by a domain that has only accepted values"
     )]
     Filtered,
     /// A replay selects a case that doesn't exist.
@@ -42,7 +42,7 @@ pub enum Vacuous {
     /// A replay selects a simpler value that doesn't exist.
     #[error("no longer has the simpler value that the steps of KARAT_CASE select")]
     NoSuchStep,
-    /// A replay supplies another number of words than a case has.
+    /// A replay supplies more or fewer words of arguments than a case has.
     #[error("has cases of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
     Words {
         /// The number of words of a case.
@@ -71,15 +71,15 @@ pub enum Vacuous {
     /// A rotation changes no argument of any case.
     #[error("has no case that a rotation changes")]
     Unrotated,
-    /// The domain has no two different values of an argument.
+    /// The domain has only one value for the argument that the check varies.
     #[error("has only one value for {0}")]
     OneValue(Parameter),
-    /// No result changes with the argument.
+    /// No result changes by more than the tolerance if the argument changes.
     #[error("has no case in which {0} changes the result by more than the tolerance")]
     Constant(Parameter),
-    /// Every result is within the tolerance of its limit already at the first step.
+    /// Even at the first step, every result is within the tolerance of its limit.
     #[error(
-        "has only cases with results that are at the limit at the first step, {argument} = {step}: begin with a step farther away"
+        "has only cases whose results already equal the limit at the first step, {argument} = {step}: add an earlier step that is farther away"
     )]
     AtLimit {
         /// The argument that approaches the limit.
@@ -93,7 +93,7 @@ pub enum Vacuous {
          these results into 0, so the check would compare nothing"
     )]
     Flushed,
-    /// No case evaluates an expectation.
+    /// In no case does the test reach an expectation, such as `expect_less`.
     #[error("has no case that evaluates an expectation, so the test tests nothing")]
     NoExpectation,
     /// The significance isn't between 0 and 1.
@@ -102,7 +102,7 @@ pub enum Vacuous {
     /// The argument of `.mass_within(...)` isn't a finite number of at least 0.
     #[error("has `.mass_within({0})`, which isn't a finite number of at least 0")]
     Mass(f64),
-    /// The interval of the samples has no finite length.
+    /// The support of the samples is an interval, but its length isn't positive and finite.
     #[error("has the support [{0}, {1}], which isn't an interval of finite length")]
     Interval(f64, f64),
 }
@@ -117,7 +117,7 @@ impl Vacuous {
         }
     }
 
-    /// The beginning of the message. This text names the domain of a function, or the check of a sampler.
+    /// The beginning of the message, before the function's name: `the domain of` or `the check of`.
     pub(super) fn whose(&self) -> &'static str {
         match self {
             Self::Significance(_) | Self::Mass(_) | Self::Interval(..) => "the check of",

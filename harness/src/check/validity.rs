@@ -11,9 +11,9 @@ const CHECK: &str = "is_valid";
 const ASSERTED: &str = "naga validates each module";
 
 impl Package {
-    /// Validates every module with all of its functions and entry points, including functions that no test
-    /// calls. Karat writes the verdict to the record. If a module is valid only with some features, set these
-    /// features with [`module_features`](Self::module_features).
+    /// Validates every module with all of its functions and entry points, including functions that no test calls. Karat
+    /// writes a record of the verdict. If a module is valid only with some features, set these features with
+    /// [`module_features`](Self::module_features).
     ///
     /// ```
     /// use karat::Package;
@@ -44,8 +44,8 @@ impl Package {
     }
 }
 
-/// The results of naga, and of Tint if Tint ran. In the record, each compiler is a path, and each module is a
-/// case. Empty if there are no modules.
+/// The results of naga, and of Tint if Tint ran. In the record, each compiler is a path, and each module is a case.
+/// Empty if Karat can't read the package's modules, or if there are none.
 fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord> {
     let (errors, opinion) = match result {
         Ok(found) => (&[][..], &found.opinion),

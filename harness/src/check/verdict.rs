@@ -32,8 +32,8 @@ pub struct Agreement {
     pub paths: Vec<(Adapter, LaneError)>,
     /// The worst error of all paths.
     pub worst: LaneError,
-    /// `true` if Karat proved the statement for all arguments of the domain, on every implementation that WGSL
-    /// allows. [`stays_within`](crate::Check::stays_within) tries to prove its statement.
+    /// `true` if Karat proved the statement for all arguments of the domain, on every implementation that WGSL allows.
+    /// Only [`stays_within`](crate::Check::stays_within) tries to prove its statement.
     pub proved: bool,
     /// The paths that fail as declared. `paths` doesn't contain these paths.
     pub known_issues: Vec<KnownIssue>,
@@ -63,7 +63,7 @@ pub enum Failure {
         /// The cause, and what to do about it.
         cause: Box<ValuesError>,
     },
-    /// A declaration about a path doesn't hold, or has no reason.
+    /// A declaration about a path, such as `fails_on`, doesn't hold or has no reason.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// Paths fail in different ways, or some paths have no verdict.
@@ -72,7 +72,7 @@ pub enum Failure {
     /// The check of a sampler rejects the sampler.
     #[error("{0}")]
     Rejection(Box<Rejection>),
-    /// Karat can't judge the samples.
+    /// Karat can't judge a sampler, for example because there are too few samples.
     #[error("Karat can't judge `{function}` for case {case}, {configuration}: {reason}")]
     Evidence {
         /// The sampler's name.
@@ -111,7 +111,7 @@ pub enum Failure {
         reason: Box<Vacuous>,
     },
     /// A quadrature rule has no nodes, has a weight that isn't finite, or gives an integral without a verdict.
-    #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]
+    #[error("for case {case} ({arguments}), the quadrature rule of `{function}` {reason}")]
     Rule {
         /// The function's name.
         function: String,
@@ -119,7 +119,7 @@ pub enum Failure {
         reason: String,
         /// The index of the case.
         case: u64,
-        /// The value of the case.
+        /// The value of the case, as text.
         arguments: String,
     },
     /// The reference returned a value that isn't finite.
@@ -132,7 +132,7 @@ pub enum Failure {
         function: String,
         /// The value that the reference returned.
         value: f64,
-        /// The component of the value.
+        /// The component of the reference's result that has this value.
         place: String,
         /// The index of the case.
         case: u64,

@@ -29,10 +29,10 @@ pub struct WgslTest {
     /// For each parameter, the words and numbers in its `@over`, and the position of the `@over`. `None` for a
     /// parameter without `@over`.
     pub over: Vec<Option<(Vec<String>, Span)>>,
-    /// The normalised text of the test and of everything that the test uses.
+    /// The text of the test and of everything that the test uses, without comments and white space.
     normalized_text: Option<String>,
-    /// The names and types of the parameters as the author wrote them, if the types' names mean the same in
-    /// every module.
+    /// The names and types of the parameters as the author wrote them. `None` if a type's name, such as that of a
+    /// structure, may have another meaning in other modules.
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
@@ -113,8 +113,8 @@ impl WgslTest {
         Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
     }
 
-    /// Makes the test with the parameters as the author wrote them. Links the test only once, together with the
-    /// generated function. `None` if there is an error.
+    /// Generates the modules with the parameters' types as the author wrote them. This is fast, because Karat links the
+    /// test only once, together with the generated function. `None` if there is an error.
     fn copied(&self, written: &[(String, String)]) -> Option<Made> {
         let typed: Vec<_> = written.iter().map(|(name, ty)| (&**name, ty.clone())).collect();
         let [counting, telling] = self.generated(&typed, &BTreeMap::new());
@@ -130,7 +130,8 @@ impl WgslTest {
         Some(Made { calls, parameters, counting, telling })
     }
 
-    /// Returns the names of the parameters' types in the generated module, which imports the structures.
+    /// Returns the names that the generated module uses for the parameters' types. Adds to `structs` each structure
+    /// that the generated module must import.
     fn types(&self, structs: &mut BTreeMap<String, String>) -> Result<Vec<String>, ReflectError> {
         if let Some(written) = &self.written {
             return Ok(written.iter().map(|(_, ty)| ty.clone()).collect());
@@ -218,12 +219,13 @@ pub struct TestGroup {
     members: BTreeMap<String, (u32, usize)>,
 }
 
-/// The largest number of tests in one kernel. The time to compile a kernel grows faster than the kernel's size.
+/// The largest number of tests in one kernel. A kernel with twice as many tests takes more than twice as long to
+/// compile.
 const TOGETHER: usize = 8;
 
 impl TestGroup {
-    /// Groups the tests by module. A test that is the only one in its module, or that isn't valid WGSL, is in
-    /// no group.
+    /// Groups the tests by module. A test is in no group if it isn't valid WGSL, or if no other test of its module is
+    /// left to share a kernel.
     #[must_use]
     pub fn of(tests: &[&WgslTest]) -> Vec<Self> {
         let mut modules: BTreeMap<&str, Vec<&WgslTest>> = BTreeMap::new();
@@ -234,8 +236,8 @@ impl TestGroup {
         parts.filter(|part| part.len() > 1).filter_map(Self::new).collect()
     }
 
-    /// Makes a group. `None` if Karat can't link the tests together, or if a test has lines that assert or
-    /// print.
+    /// Makes a group. `None` if Karat can't link the tests together, or if a test calls Karat's functions that assert
+    /// or print.
     fn new(tests: &[&WgslTest]) -> Option<Self> {
         let mut text = "import karat::{begin, counts};\n".to_owned();
         let (mut list, mut calls) = (vec!["karat_which: u32".to_owned()], String::new());
@@ -298,7 +300,8 @@ impl TestGroup {
     }
 }
 
-/// Returns the name of a type in the generated module, which imports the structures.
+/// Returns the name that the generated module uses for a type. Adds to `structs` each structure that the generated
+/// module must import.
 fn type_text(program: &Program, shape: &Shape, structs: &mut BTreeMap<String, String>) -> String {
     match shape {
         Shape::Struct { name, .. } => {

@@ -30,7 +30,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If an element differs, or the golden doesn't exist.
+    /// Panics if an element differs, or the golden doesn't exist.
     #[track_caller]
     pub fn matches(
         self,
@@ -41,10 +41,10 @@ impl After<'_> {
         or_panic(self.try_matches(goldens, case, tolerance))
     }
 
-    /// Like [`matches`](Self::matches), but returns an error instead of panicking.
+    /// Runs [`matches`](Self::matches), but returns the error instead of panicking.
     ///
     /// # Errors
-    /// If an element differs, or the golden doesn't exist.
+    /// Returns an error if an element differs, or the golden doesn't exist.
     #[track_caller]
     pub fn try_matches(
         self,
@@ -100,7 +100,11 @@ impl After<'_> {
             // The verdict below reports an error of the first path.
             if let Ok((now, adapter)) = first() {
                 let count = (golden.len() != now.len()).then(|| {
-                    format!("it has {} elements, but the result has {}", golden.len(), now.len())
+                    format!(
+                        "the golden has {} elements, but the result has {}",
+                        golden.len(),
+                        now.len()
+                    )
                 });
                 if let Some(how) = other_columns(&golden, &now).or(count) {
                     return Err(left((now, adapter), Some((&golden, &how))).into());

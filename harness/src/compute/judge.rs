@@ -39,7 +39,7 @@ pub(super) struct Statement<'a> {
     pub(super) shape: Shape,
     /// `true` if the passes may leave the resource unchanged.
     pub(super) may_stay: bool,
-    /// `true` if the verdict was known before the passes ran.
+    /// `true` if the caller knew the verdict before the passes ran (see `settled` in `untyped.rs`).
     pub(super) settled: bool,
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }
@@ -230,7 +230,7 @@ impl Sum {
         Self { census, worst, shown: shown.into_iter().collect() }
     }
 
-    /// The result for passes in which a loop doesn't end: a failure without elements.
+    /// The result for passes in which a loop doesn't end: one failure of the whole resource.
     pub(super) fn endless() -> Self {
         let element = Element {
             place: Place::Whole("no result".to_owned()),
@@ -283,7 +283,7 @@ impl After<'_> {
         reported(subject, &|| self.recorded, judge)
     }
 
-    /// The name under which the record lists a check of the resource: `after.data.agrees_with`.
+    /// The check's name in records: `after.data.agrees_with`.
     pub(super) fn check(&self, verb: &str) -> String {
         format!("after.{}.{verb}", self.variable)
     }
@@ -515,9 +515,10 @@ fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool)
     judge::Judged { measure, lane: broken.unwrap_or(0), class: Class::Other }
 }
 
-/// Finds the list in a value, for a comparison that ignores the order of the list's elements. Returns the number of
-/// scalars before the list, and the types of the scalars in one list element. In a structure that ends with an array,
-/// the list is that array: `{ count: atomic<u32>, items: array<Item> }`. Any other value is itself a list element.
+/// Finds the scalars that `up_to_order` sorts. In a structure that ends with an array, such as `{ count: atomic<u32>,
+/// items: array<Item> }`, `up_to_order` sorts only the array's elements. Otherwise it sorts the elements of the
+/// resource. Returns the number of scalars before the sorted elements, and the types of the scalars in one sorted
+/// element.
 fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     if let Shape::Struct { members, .. } = element
         && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()
@@ -581,13 +582,13 @@ impl Assertion<'_> {
         }
     }
 
-    /// Checks if the caller knew the assertion's verdict before the passes ran, so that the verdict is the same in each
-    /// order.
+    /// Checks if the caller knew the assertion's verdict before the passes ran. Such a verdict doesn't depend on the
+    /// order of invocations.
     pub(super) fn is_settled(&self) -> bool {
         matches!(self, Self::Holds(statement) if statement.settled)
     }
 
-    /// The assertion as a clause for messages.
+    /// The assertion as a clause for messages: `elements agree within 0.1`.
     pub(super) fn holds(&self) -> String {
         match self {
             Self::Agrees(_, tolerance) => format!("elements agree within {tolerance}"),

@@ -15,7 +15,7 @@ use crate::record::{Details, Replay, tell_prints};
 use crate::run::Report;
 use crate::value::Shape;
 
-/// A failure that depends on the order of invocations.
+/// A failed check: the result of the passes depends on the order of invocations.
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -46,18 +46,18 @@ pub struct OrderDependence {
     pub assertion: String,
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The position `file:line:column` of the first operation that returns another value than in the usual order. If
-    /// there is no such operation, the position of the entry point of the pass that this order changes, or of the last
-    /// pass.
+    /// The position `file:line:column` of the late store that `turns` describes. If there is no late store, the first
+    /// operation that returns another value than in the usual order. If there is no such operation either, the entry
+    /// point of the last pass that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
     /// A note with the operation, the invocation, the value in the usual order, and the value in this order. It is
     /// `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// Notes for the message. One note lists the atomic operations in this order, if there are at most 16 operations.
-    /// Another note is about the first store that other invocations see after a later atomic operation of the same
-    /// invocation, if there is such a store.
+    /// Notes for the message. If there are at most 16 atomic operations, one note lists them in this order. Another
+    /// note is about the first late store: an invocation stores a value before its atomic operation, but other
+    /// invocations see the atomic operation first.
     pub turns: Vec<String>,
     /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,
@@ -128,8 +128,9 @@ impl fmt::Display for OrderDependence {
 impl After<'_> {
     /// Compares elements without regard to their order. Use this method for passes that append elements with an atomic
     /// counter, because drivers append elements in different orders. Karat sorts the actual and the expected elements
-    /// by value. If an element has several numbers, the first numbers should differ by more than the tolerance. In a
-    /// structure that ends in an array, such as a counter with its items, Karat sorts only that array.
+    /// by value. If an element has several numbers, such as a vector, the first numbers of two elements should differ
+    /// by more than the tolerance. Otherwise Karat may compare the wrong elements. In a structure that ends in an
+    /// array, such as a counter with its items, Karat sorts only that array.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -163,7 +164,8 @@ impl After<'_> {
     }
 
     /// Runs the passes in the engine, in one order after another. In each order, the test must accept every violation,
-    /// and the assertion must hold. This function doesn't report failures in the usual order: its callers do.
+    /// and the assertion must hold. If the assertion fails in the usual order, the callers of this function report the
+    /// failure.
     pub(super) fn expect_each_order(
         &self,
         assertion: Option<(&Assertion<'_>, &Part, &Shape)>,
@@ -227,8 +229,7 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Builds the error for an order that fails. Before that, the function replaces the order by simpler orders, as
-    /// long as these orders also fail.
+    /// Builds the error for an order that fails. First simplifies the order, as long as the simpler orders also fail.
     fn dependence(
         &self,
         passes: &Passes,
@@ -293,8 +294,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion that the other orders must satisfy, if the original assertion fails in the usual order: the result
-    /// must be the same as in the usual order.
+    /// If the test's assertion fails in the usual order, an assertion for the other orders: their results must agree
+    /// with the result in the usual order.
     own: Option<Assertion<'a>>,
 }
 
@@ -322,8 +323,8 @@ impl<'a> InOrders<'a> {
         Ok(Self { after, assertion, part, element, usual, holds, own })
     }
 
-    /// Checks if the assertion is a statement that fails in the usual order. Then no expected result for the other
-    /// orders is known.
+    /// Checks if the assertion is a statement that fails in the usual order. If such a statement holds in another
+    /// order, the result depends on the order.
     fn is_undecided(&self) -> bool {
         !self.holds && self.own.is_none()
     }

@@ -123,12 +123,12 @@ impl Compute<'_> {
 }
 
 impl After<'_> {
-    /// Reports if the test doesn't accept a violation.
+    /// Checks if a violation makes the test fail.
     pub(super) fn fails(&self, one: &Violation) -> bool {
         one.kind.fails() && !self.compute.accepted.iter().any(|accepted| accepted.covers(one))
     }
 
-    /// Refuses accepted races that have no reason, or that name an unknown variable.
+    /// Returns an error if the test accepts a race without a reason, or on an unknown variable.
     pub(super) fn expect_known_variables(&self, passes: &Passes) -> Result<(), ComputeError> {
         let accepted = &self.compute.accepted;
         if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
@@ -152,7 +152,8 @@ impl After<'_> {
         with_tint(passes, self.compute.package, examined)
     }
 
-    /// Records how much of the passes the sanitizer checked, and fails if it found a violation.
+    /// Records how much of the passes the sanitizer checked. Fails if the test doesn't accept a violation, or accepts a
+    /// race that doesn't occur.
     pub(super) fn expect_no_violations(
         &self,
         examined: Examined,
@@ -184,7 +185,7 @@ impl After<'_> {
     }
 }
 
-/// The sanitizer's findings in the usual order.
+/// The sanitizer's findings in the engine's usual order of invocations.
 pub(super) fn examined(passes: &Passes, package: &Package) -> Examined {
     with_tint(passes, package, interpret::examine(passes))
 }

@@ -27,7 +27,7 @@ impl Compute<'_> {
         Ok(all.iter().filter_map(|one| one.listed(&pass.program)).collect())
     }
 
-    /// The positions of the lines that print in the last pass. [`Tap::new`] accepts each position.
+    /// The source position of each `print` in the last pass. [`Tap::new`] accepts each position.
     ///
     /// # Errors
     /// If the passes aren't valid.

@@ -228,7 +228,7 @@ fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
 /// ```
 ///
 /// # Errors
-/// If a number differs, or the check can't compare any number.
+/// If a number differs, or Karat can't compare the numbers.
 #[track_caller]
 pub fn agrees_with(
     after: &After<'_>,
@@ -240,8 +240,8 @@ pub fn agrees_with(
     after.judge(Assertion::Agrees(expected, tolerance), Location::caller())
 }
 
-/// Records a statement about the passes, with a verdict that the caller already knows. The statement reads no resource,
-/// and holds in each order.
+/// Records a statement about the passes, with a verdict that the caller already knows. Karat doesn't check the
+/// statement in other orders.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -285,7 +285,7 @@ pub fn settled(
 /// ```
 ///
 /// # Errors
-/// If the statement doesn't hold, or the check can't read any scalar.
+/// If the statement doesn't hold, or Karat can't read the scalars.
 #[track_caller]
 pub fn satisfies(
     after: &After<'_>,
@@ -313,7 +313,7 @@ pub fn satisfies(
 /// ```
 ///
 /// # Errors
-/// If a number breaks the statement, or the check can't read any number.
+/// If a number breaks the statement, or Karat can't read the numbers.
 #[track_caller]
 pub fn each(
     after: &After<'_>,

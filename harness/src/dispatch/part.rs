@@ -76,8 +76,8 @@ fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
     }
 }
 
-/// Splits a name into the name of a resource and the path of a member. If the name ends with a point, the path is `.`,
-/// and no resource has a member with this path.
+/// Splits a name into the name of a resource and the path of a member. If the name ends with a dot, the path is `.`,
+/// which matches no member.
 pub(crate) fn split(name: &str) -> (&str, &str) {
     match name.split_once('.') {
         Some((resource, "")) => (resource, "."),

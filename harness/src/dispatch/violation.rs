@@ -86,7 +86,7 @@ pub struct Examined {
     pub watched: Watched,
     /// The message about a loop that Karat stopped, if there is one.
     pub endless: Option<Diagnostic>,
-    /// `true` if all loops together took more iterations than Karat tries over generated resources.
+    /// `true` if Karat stopped a pass because its loops together took too many iterations.
     pub too_long: bool,
 }
 
@@ -103,10 +103,10 @@ pub struct Watched {
     /// The number of iterations of all loops together.
     #[serde(skip)]
     pub rounds: u64,
-    /// The number of orders of invocations in which the assertion held, without the usual order.
+    /// The number of orders of invocations that Karat tried besides the usual order.
     #[serde(default)]
     pub orders: u64,
-    /// `true` if Karat tried every order, except orders with the same effect.
+    /// `true` if Karat tried all orders that may have different effects.
     #[serde(default)]
     pub all_orders: bool,
     /// Elements that a pass reads before any pass writes them, if the result depends on them: `partials[3]` and the

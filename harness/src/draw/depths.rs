@@ -17,7 +17,7 @@ const LOAD: &str = "
 /// The width and height of a workgroup, in invocations.
 const SIDE: u32 = 8;
 
-/// Writes the depths of all pixels into a new buffer of `size` bytes. All rows have the same number of bytes.
+/// Writes the depths of all pixels into a new buffer with the size `bytes`. All rows have the same number of bytes.
 pub(super) fn load(
     device: &Device,
     encoder: &mut wgpu::CommandEncoder,

@@ -72,7 +72,7 @@ pub struct Drawing<'s> {
     pub(super) scene: Cow<'s, Scene<'s>>,
     pub(super) program: Arc<Program>,
     pub(super) bindings: Vec<Bindings>,
-    /// The scene's fixtures, in which members have the values from the test.
+    /// The scene's fixtures, with the values that the test gives to single members.
     fixtures: Fixtures,
     read: Read,
 }

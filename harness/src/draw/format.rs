@@ -3,12 +3,12 @@
 use crate::image::encode_srgb;
 use crate::path::Device;
 
-/// The largest error of a conversion from float to integer, in steps. Direct3D allows 0.6 steps
+/// The largest error of a conversion from float to integer, in steps of the integer. Direct3D allows 0.6 steps
 /// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Other APIs round to the nearest integer.
 const ROUNDING: f64 = 0.6;
 
-/// The format of a colour target. In the frame's image, the stored values are linear floats. For 8-bit sRGB formats,
-/// the image has the values that a shader would read.
+/// The format of a colour target. The frame's image contains the target's values as floats. If the format is sRGB, the
+/// floats are the decoded, linear values.
 ///
 /// ```
 /// use karat::draw::Format;
@@ -66,7 +66,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The formats with their names in test files. Formats that WebGPU has are named as in WebGPU.
+    /// The formats with their names in test files. WebGPU's formats have the same names as in WebGPU.
     pub const NAMES: [(&str, Self); 20] = [
         ("float", Self::Float),
         ("r8unorm", Self::R8Unorm),

@@ -35,7 +35,7 @@ pub(super) struct Column {
 
 impl Mesh {
     /// Makes a mesh of triangles. Seen from outside, the corners of a triangle are in counter-clockwise order. By
-    /// default, a draw culls back faces.
+    /// default, a draw culls triangles with corners in clockwise order.
     ///
     /// ```
     /// use glam::Vec3;

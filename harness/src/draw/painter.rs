@@ -80,7 +80,7 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Draws the frame, and returns a buffer with the texels of each source.
+    /// Draws the frame, and returns one buffer of texels for each entry of `sources`.
     pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<Vec<wgpu::Buffer>, DrawError> {
         // A draw without a vertex function gets a generated vertex function that supplies the fragment function's
         // inputs.

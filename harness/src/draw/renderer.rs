@@ -47,7 +47,7 @@ impl Device {
         Ok(all)
     }
 
-    /// Draws a frame, and calls `read` with the rows of each source.
+    /// Draws a frame, and calls `read` with the pixels of each entry of `sources`.
     fn paint(
         &self,
         drawing: &Drawing<'_>,

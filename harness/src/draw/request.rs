@@ -129,8 +129,9 @@ impl Draw {
     }
 
     /// Draws over the whole frame with only a fragment function. If the function has an input at a location, the input
-    /// must be a `vec2f`. The input gets texture coordinates from (0, 0) at the upper left to (1, 1). The draw ignores
-    /// the depth buffer, and writes depth only if the function returns a depth (`@builtin(frag_depth)`).
+    /// must be a `vec2f`. The input gets texture coordinates from (0, 0) at the upper left to (1, 1) at the lower
+    /// right. The draw ignores the depth buffer, and writes depth only if the function returns a depth
+    /// (`@builtin(frag_depth)`).
     ///
     /// ```no_run
     /// use karat::draw::{Blend, Draw};
@@ -220,7 +221,7 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the draw has no mesh, or if an index is above 65534. The 16-bit index 65535 restarts a strip.
+    /// If the draw has no mesh, or if an index is above 65534, because the 16-bit index 65535 restarts a strip.
     pub fn u16_indices(mut self) -> Self {
         let Geometry::Mesh(mesh) = &self.geometry else {
             panic!("the draw has no mesh, so it has no indices")
@@ -235,7 +236,7 @@ impl Draw {
     }
 
     /// Sets the fragment function for the depth pre-pass. This function must discard pixels and write depth exactly as
-    /// the colour pass's function does. It may return only a depth.
+    /// the colour pass's function does. Its only allowed result is a depth.
     ///
     /// ```
     /// use karat::draw::Draw;

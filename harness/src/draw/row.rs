@@ -2,7 +2,7 @@
 
 use crate::probe::Codec;
 
-/// A row of pixels in the buffer into which a texture is copied.
+/// The layout of a row of pixels in a buffer into which the GPU copied a texture.
 pub(super) struct Row {
     width: usize,
     codec: Codec,
@@ -11,7 +11,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Makes a row of `width` pixels in a texture's format. A depth is copied as one float.
+    /// Makes the layout of `width` pixels in a texture's format. A depth becomes one float.
     pub(super) fn new(format: wgpu::TextureFormat, width: u32) -> Self {
         let copied = match format.is_depth_stencil_format() {
             true => wgpu::TextureFormat::R32Float,

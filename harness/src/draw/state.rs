@@ -173,7 +173,7 @@ pub(super) struct State {
     pub(super) bias: DepthBias,
     pub(super) stencil: Option<Stencil>,
     pub(super) blend: Option<Blend>,
-    /// The blending of each target for which the draw sets another blending.
+    /// The blendings that the draw sets for single targets, each with the index of its target.
     pub(super) blends: Vec<(usize, Blend)>,
     pub(super) blend_constant: [f32; 4],
     /// The channels to write for each target that has a mask, such as `"rgb"`.

@@ -7,7 +7,7 @@ use super::{DrawError, Format};
 use crate::reflect::{Output, Program, Texels};
 
 impl Scene<'_> {
-    /// Checks that the outputs of each draw are exactly the frame's targets.
+    /// Checks the settings `samples` and `depth`, and that each draw's outputs match the targets.
     pub(super) fn expect_targets(&self, program: &Program) -> Result<(), DrawError> {
         let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         if !matches!(self.samples, 1 | 2 | 4 | 8 | 16) {
@@ -22,8 +22,8 @@ impl Scene<'_> {
         if self.result == Source::Depth && !self.draws.iter().any(|d| writes_depth(d, program)) {
             return unsound(
                 "depth",
-                "it shows depth, but none of its draws writes depth: a draw without a vertex function writes depth \
-                 only if its fragment function returns `@builtin(frag_depth)`"
+                "it shows depth, but none of its draws writes depth: let a draw with a vertex function write depth, \
+                 or return `@builtin(frag_depth)` from a fragment function"
                     .to_owned(),
             );
         }

@@ -44,13 +44,14 @@ impl<'s> Drawing<'s> {
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// Reports if the frame's own colours can be drawn beside a tapped value. Some GPUs don't support another target.
-    /// With several samples per pixel, a target contains means of samples, and a mean of tapped values is meaningless.
+    /// Reports if the frame's own colours can be drawn beside a tapped value. If the frame has several targets, some
+    /// GPUs don't support another one. With several samples per pixel, a target contains means of samples, and a mean
+    /// of tapped values is meaningless.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
 
-    /// Reports if several draws may contribute to a pixel.
+    /// Checks if a draw blends, so several draws may contribute to a pixel.
     pub(crate) fn blends(&self) -> bool {
         let targets = 0..self.scene.formats.len();
         let blends = |target: usize| {

@@ -1,4 +1,4 @@
-//! Calls a function that is ready on an executor. Arguments and results are rows of `u32` words.
+//! Calls a prepared function on an executor. Arguments and results are rows of `u32` words.
 
 use std::borrow::Cow;
 

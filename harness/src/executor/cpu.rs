@@ -7,8 +7,8 @@ use crate::job::{Job, Reply};
 use crate::path::{Ability, Adapter, Path, PathError, Via, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The engine as an executor. The engine runs WGSL on the CPU in `f32`, as a conforming GPU may compute it. The engine
-/// calls functions and dispatches passes, but draws no frames.
+/// The engine as an executor. The engine runs WGSL on the CPU in `f32`, with results that WGSL allows. The engine calls
+/// functions and dispatches passes, but draws no frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cpu {
     /// The arithmetic: plain, with fused multiply-add, or with flush-to-zero.
@@ -82,7 +82,7 @@ impl Prepared for Ready {
     }
 }
 
-/// A prepared function that runs one case at a time, because a case would see the writes of earlier cases.
+/// A prepared function that runs each case alone, so no case sees the writes of earlier cases.
 #[derive(Debug)]
 struct ReadyAlone {
     function: Alone,

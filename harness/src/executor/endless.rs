@@ -74,9 +74,8 @@ impl Prepared for Guarded<'_> {
 
 /// Guards a function that may have an endless loop, because the function's IR shows no bound for a loop. The engine
 /// runs each batch before the driver does, if the engine can run the function. Some drivers silently stop long loops.
-/// On such drivers, kernels usually count their own iterations. If a function's cases run alone or are quads, its
-/// kernel can't count its iterations, so the engine must run each batch first. If the engine can't run such a function,
-/// that is an error.
+/// On such drivers, kernels usually count their own iterations. A kernel can't do so if its cases run one by one or on
+/// drawn pixels: then the engine must run each batch first. If the engine can't run such a function, that is an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,

@@ -8,8 +8,8 @@ use crate::path::{Path, PathError};
 use crate::probe::evidence::{self, Evidence, canary};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The largest number of cases in a job, and the largest number of words in the arguments or results of these
-/// cases. A job with so many words is some megabytes of JSON.
+/// The largest number of cases in a job, and the largest number of words in the arguments or results of these cases. A
+/// job of this size is a few megabytes of JSON.
 const BATCH: usize = 4096;
 const WORDS: usize = 1 << 19;
 
@@ -37,7 +37,7 @@ pub(super) fn prepare<'e>(
     let form = &probed.function().form;
     if form.fragment {
         let message = "the function takes derivatives, or discards and writes, so it runs only on drawn \
-                       pixels, and only wgpu's drivers and Karat's engine draw pixels";
+                       pixels: use one of wgpu's drivers or Karat's engine, such as the paths `vulkan` and `cpu`";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = KernelJobs::new(probed, fixtures)?;
@@ -90,8 +90,8 @@ impl ByJobs<'_> {
         Ok((words, written))
     }
 
-    /// Returns the rows of results for all cases, and the number of words in a row. Checks that the executor
-    /// wrote each word of a result.
+    /// Returns the rows of results for all cases, and the number of words in a row. Checks that the executor wrote
+    /// every word of the results.
     fn rows(&self, cases: usize, arguments: &[u32]) -> Result<(Vec<u32>, usize), ProbeError> {
         let (words, written) = self.over(cases, arguments, evidence::WORD)?;
         let places = self.evidence.poisoned(&words);
@@ -299,7 +299,7 @@ mod tests {
         assert_eq!(called(immediate, four, &[1, 2]), [[41], [42]]);
     }
 
-    /// A job is at most some megabytes of text.
+    /// A job is at most a few megabytes of text.
     #[test]
     fn the_number_of_cases_of_a_job_is_limited_by_its_size() {
         let capacity = |text: &str, fixtures: Fixtures, cases: usize| {
@@ -343,7 +343,7 @@ mod tests {
         assert_eq!(sampler.lod, (0.5, 32.0));
     }
 
-    /// In a job, a storage texture has its format, even if the first pass doesn't write the texture.
+    /// A job contains the format of a storage texture, even if the first pass doesn't write the texture.
     #[test]
     fn a_texture_that_a_later_pass_stores_has_its_format() {
         let text = "@group(0) @binding(0) var read: texture_2d<f32>;

@@ -13,7 +13,7 @@ use crate::reflect::Ability;
 
 const CASES: usize = 1 << 18;
 
-/// Edges of floats, of the unit interval, and of the ranges of single builtin functions.
+/// Edges of `f32`, of the range from 0 to 1, and of the ranges of some builtin functions.
 const EDGES: [f32; 24] = [
     0.0,
     -0.0,
@@ -119,7 +119,7 @@ const SCALARS: [(&str, usize, usize); 44] = [
     ("select(a, b, a < b)", 2, 99),
 ];
 
-/// Functions of vectors. Each returns one component of the result.
+/// Functions of vectors and matrices, with one component of each result, and conversions.
 const VECTORS: [(&str, usize, usize); 11] = [
     ("length(vec3f(a, b, c))", 3, 20),
     ("distance(vec2f(a, b), vec2f(c, 1.0))", 3, 20),

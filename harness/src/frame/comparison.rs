@@ -52,7 +52,7 @@ impl Frame<'_> {
         self.reported((case.to_owned(), folder), |report| self.compare(goldens, case, report))
     }
 
-    /// Reports if the settings say not to draw the frame, and records that the frame wasn't drawn.
+    /// Checks if the settings leave the frame out. If so, records that the test skips a frame.
     pub(super) fn is_left_out(&self) -> bool {
         let left_out = self.recorded && settings::leaves_frames_out();
         if left_out {
@@ -64,7 +64,7 @@ impl Frame<'_> {
         left_out
     }
 
-    /// Records the result of a verb, under the name of a golden and its folder.
+    /// Runs `judge`, and records its verdict with the golden's name and folder.
     #[track_caller]
     pub(super) fn reported<T: Passed>(
         &self,
@@ -206,7 +206,7 @@ impl Frame<'_> {
         self.tolerance_on.on(path, adapter).or(self.tolerance.as_ref()).or_else(of_content)
     }
 
-    /// The first AOV name that the file can't store, and the reason.
+    /// The first AOV name that Karat can't store in the golden's file, and the reason.
     fn unusable_aov(&self) -> Option<(&str, &'static str)> {
         let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
         self.aovs.iter().enumerate().find_map(|(index, (name, _))| {

@@ -9,7 +9,7 @@ use crate::record::PathRecord;
 use crate::run::{Judged, KnownIssue, Report, or_panic, replay};
 use crate::tolerance::{LaneError, Tolerance};
 
-/// The mean colours of a rectangle that passed on each path.
+/// The mean colours of a rectangle on the paths that passed.
 ///
 /// ```
 /// # use karat::metric::Rect;

@@ -157,7 +157,7 @@ impl Frame<'_> {
     }
 }
 
-/// Returns a note if the driver's colour differs from the engine's colour.
+/// Returns a note if the frame blends colours, or if the driver's colour differs from the engine's colour.
 fn compared(
     drawing: &Drawing<'_>,
     probed: &Probed,

@@ -40,7 +40,7 @@ impl Tap {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// Checks if the tap selects each line that prints (`karat:print`).
+    /// Checks if the tap selects every `print` in the shader (`karat:print`).
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"
@@ -85,13 +85,14 @@ pub struct Tapped {
     /// The width and height of the frame. For a pass, the number of invocations in x and y, with all layers in z below
     /// each other.
     pub size: (u32, u32),
-    /// The word for messages that says if each value belongs to a `pixel` or an `invocation`.
+    /// The owner of each value, for messages: `pixel` or `invocation`.
     pub of: &'static str,
     /// For each pixel, row by row, how often the pixel computed the value. `None` if no draw covers the pixel.
     pub times: Vec<Option<u32>>,
     /// The components of the values as `u32`s, pixel after pixel. A pixel without a value has zeros.
     pub lanes: Vec<u32>,
-    /// `true` if another value in the same function has the same name. A file name for the value then needs the line.
+    /// `true` if another value in the same function has the same name. Then a file name for the value must contain the
+    /// line number.
     pub has_twin: bool,
     /// The number that the caller gave to [`Tap::round`].
     pub round: Option<u32>,
@@ -125,7 +126,7 @@ pub enum TapError {
         /// The position, function and text of each value.
         places: Vec<String>,
     },
-    /// Values of this kind can't be read.
+    /// Karat can't read a value of this kind.
     #[error("{place}: `{text}` can't be tapped, because it is {why}")]
     Untold {
         /// The position of the value.
@@ -157,10 +158,10 @@ pub enum TapError {
     },
     /// The frame's colours can't be drawn beside a value.
     #[error(
-        "the frame has several targets or samples, so its colours can't be drawn beside the value: tap the value without the colours"
+        "the frame has several targets or samples, so Karat can't draw the frame's colours beside the value: draw the value alone"
     )]
     Beside,
-    /// No pixel computes the value as often as the caller asked for.
+    /// No pixel computes the value `round` times.
     #[error(
         "no pixel computes `{value}` {round} times: a pixel computes the value at most {most} times"
     )]
@@ -305,7 +306,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
     all
 }
 
-/// The positions of the lines that print, in the code that `entry_points` run.
+/// The source position of each `print` in the code that `entry_points` run.
 pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     let all = candidates(program, entry_points);
     let is_print =
@@ -372,7 +373,7 @@ pub(crate) struct Wanted {
 }
 
 /// Finds the value that the caller named. Also returns `true` if another value in the function has the same name, and
-/// the member or element of the value if the caller named a member or element.
+/// the member or element, if the caller named one.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
@@ -462,8 +463,7 @@ impl Frame<'_> {
         Ok(all.iter().filter_map(|one| one.listed(program)).collect())
     }
 
-    /// The positions of the lines that print in code that the fragment functions run. [`Tap::new`] accepts each
-    /// position.
+    /// The source position of each `print` in code that the fragment functions run. [`Tap::new`] accepts each position.
     ///
     /// # Errors
     /// If the frame can't be drawn.

@@ -62,12 +62,12 @@ pub enum AcceptError {
         nearest: Option<String>,
     },
     /// No reason was given.
-    #[error("accepting `{0}` needs a reason that a reviewer can check: --because \"...\"")]
+    #[error("accepting `{0}` needs a reason that a reviewer can check: add --because \"...\"")]
     NoReason(String),
     /// `CI` is set, so Karat writes no golden.
     #[error(
         "`{0}` isn't accepted: `CI` is set, and Karat writes nothing into your sources in CI; accept the golden on your own \
-         machine, with --from and this run's output, or pass --ci-may-write"
+         machine, with --from and the downloaded artefact of this run, or pass --ci-may-write"
     )]
     InCi(String),
     /// Another adapter than lavapipe rendered the frame. Goldens come from lavapipe.
@@ -81,7 +81,7 @@ pub enum AcceptError {
         /// The adapter that rendered the frame.
         adapter: String,
     },
-    /// The frame has NaN or infinite pixels, so no frame could ever equal it.
+    /// The frame has NaN or infinite pixels. As a golden, it would equal no frame.
     #[error(
         "`{0}` has NaN or infinite pixels, and no frame could agree with such a golden: fix the shader"
     )]
@@ -147,14 +147,14 @@ pub enum AcceptError {
         /// The frame's name in the file's metadata.
         case: String,
     },
-    /// The frame comes from another profile than the chosen profile.
+    /// The acceptance names a profile that didn't draw the frame.
     #[error("`{case}` was rendered on profile {found}, and can't be the golden of profile {asked}")]
     Profile {
         /// The golden's name.
         case: String,
         /// The frame's profile.
         found: Profile,
-        /// The chosen profile.
+        /// The profile that the acceptance names.
         asked: String,
     },
     /// Karat compared the frame with its profile's own golden.
@@ -293,7 +293,7 @@ impl Goldens {
             // An interrupted acceptance may have written this golden without removing the pending frame. Then the
             // golden may differ from the golden of the comparison.
             let warnings = vec![format!(
-                "the golden `{}` has the same pixels and facts already",
+                "the golden `{}` has the same content and provenance already",
                 shown(&path)
             )];
             Accepted { golden: path, written: false, warnings }
@@ -305,8 +305,9 @@ impl Goldens {
         Ok(accepted)
     }
 
-    /// Fails if the golden has changed since Karat compared the frame with the golden. Accepting may write another
-    /// file, `written`. Also fails if the profile had no golden of its own at the comparison, and now has one.
+    /// Fails if the golden has changed since Karat compared the frame with the golden. `written` is the file that
+    /// accepting will write. Also fails if `written` is the profile's own golden, and somebody created this file after
+    /// the comparison.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());
@@ -332,8 +333,8 @@ impl Goldens {
         }
     }
 
-    /// Returns the path for a profile's own golden. Fails if the frame comes from another profile, or passes with the
-    /// golden for all profiles.
+    /// Returns the path for a golden of the profile `asked` alone. Fails if the frame comes from another profile, or
+    /// passes with the golden for all profiles.
     fn needed(&self, pending: &Pending, asked: &str) -> Result<PathBuf, AcceptError> {
         let (case, known) = (pending.case.clone(), &pending.provenance);
         let profile = pending.profile();
@@ -352,7 +353,7 @@ impl Goldens {
     }
 }
 
-/// Writes a golden and its facts: both files or none. A table contains its facts.
+/// Writes a golden and its facts: a frame's two files (both or neither), or a table's single file.
 fn write_golden(
     path: &Path,
     content: Content,
@@ -391,7 +392,8 @@ fn write_golden(
     Ok(Accepted { golden: path.to_owned(), written: true, warnings })
 }
 
-/// Checks if the golden already has this content and these facts. A frame has its facts in two files.
+/// Checks if the golden already has this content and these facts. A frame's golden has the facts in both of its files,
+/// and both must agree.
 fn is_there(path: &Path, content: &Content, provenance: &Provenance) -> bool {
     let decision_aside = |known: &Provenance| {
         let (accepted_by, accepted_at, because) = Default::default();

@@ -19,7 +19,8 @@ pub struct ChangedRow {
     pub golden: Vec<String>,
     /// The new values, as text; empty if the row was removed.
     pub actual: Vec<String>,
-    /// The largest difference of a component, divided by the golden's value; infinite for new and removed rows.
+    /// The largest relative difference of a component: the difference divided by the golden's value; infinite for new
+    /// and removed rows.
     pub relative: f64,
 }
 
@@ -87,7 +88,7 @@ impl Table {
     }
 }
 
-/// The largest difference of a result's component, divided by the golden's value.
+/// The largest relative difference between two rows: a component's difference divided by the golden's value.
 fn relative(table: &Table, old: &[u32], new: &[u32]) -> f64 {
     let cells = table.columns.iter().zip(old.iter().zip(new)).skip(table.arguments);
     let differences = cells.map(|(column, (old, new))| {

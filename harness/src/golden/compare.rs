@@ -23,10 +23,10 @@ pub struct FrameMargin {
     pub decided_by: FrameCriterion,
     /// The measured value of `decided_by`, divided by the bound of this criterion.
     pub ratio: f64,
-    /// The largest relative difference: a difference divided by the golden's value, or by the golden's key if
-    /// the golden is darker than its key.
+    /// The largest relative difference: a channel's difference divided by the golden's value.
     pub relative: f32,
-    /// Number of pixels that differ by more than the gate allows: 0, unless a later criterion decided.
+    /// Number of pixels that differ by more than the gate allows. If this isn't 0, the frame passes by another
+    /// criterion.
     pub beyond_gate: usize,
     /// All measurements; empty if every bit is equal.
     pub margins: Vec<CriterionMargin>,
@@ -78,7 +78,7 @@ impl fmt::Display for FrameMargin {
     }
 }
 
-/// The percentage of a frame's pixels that Karat compared, for masked frames.
+/// Displays the percentage of a masked frame's pixels that Karat compared.
 struct Share {
     compared: u64,
     of: u64,
@@ -107,11 +107,11 @@ pub enum FrameDifference {
     },
     /// The frame has NaN or infinities.
     NonFinite(NonFinite),
-    /// The golden has NaN or infinities, so no frame can agree with it.
+    /// The golden has NaN or infinities, so no frame can agree with the golden.
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
     Mask(MaskError),
-    /// The tolerance has an unusable bound: every frame passes it, or no frame can pass.
+    /// The tolerance has a useless bound, which every frame passes, or no frame passes.
     Tolerance(String),
     /// Values differ by more than the tolerance.
     Values(Box<Deviation>),
@@ -180,7 +180,8 @@ impl<'a> Terms<'a> {
     }
 }
 
-/// Compares size, finiteness and bits, and then the criteria of the tolerance in the tolerance's order.
+/// Compares two images: first their sizes, then their bits, then each criterion of the tolerance in order. NaN and
+/// infinities fail.
 pub(super) fn compare(
     golden: &Image,
     actual: &Image,
@@ -226,7 +227,7 @@ impl FrameTolerance {
     }
 }
 
-/// Judges the noise-corrected difference: the part of the difference that the noise of the two images doesn't explain.
+/// Measures the noise-corrected difference: how far the two images differ beyond their noise.
 fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> CriterionMargin {
     let measured = match golden {
         Some(golden) => Noise { golden, actual }.measure(pair),

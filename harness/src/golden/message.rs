@@ -42,7 +42,7 @@ impl Deviation {
     }
 }
 
-/// The first line has the difference and its position. Each further line has one more fact.
+/// The first line of the message shows the difference and its position. Each further line adds one fact.
 impl fmt::Display for Deviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { pixels, frame_pixels, worst, gate, sweep, margins, exposures, pinned, .. } =
@@ -88,7 +88,8 @@ impl fmt::Display for Deviation {
     }
 }
 
-/// Writes the smallest bounds that the frame would pass, rounded to two digits.
+/// For each bound that the frame exceeds, writes the smallest bound that the frame would pass, rounded up to two
+/// digits.
 fn write_what_would_pass(
     margins: &[CriterionMargin],
     relative: f32,

@@ -1,4 +1,4 @@
-//! Serialization of numbers that JSON can't write, as text: `inf`, `NaN`.
+//! Serializes NaN and infinities as text (`NaN`, `inf`), because JSON has no such numbers.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

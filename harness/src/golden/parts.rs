@@ -1,4 +1,4 @@
-//! The parts of a golden's file: the frame, and further data about the frame's pixels.
+//! The parts (images) of a golden's EXR file: the frame, and further data about the frame's pixels.
 
 use std::io::{Error, ErrorKind};
 use std::path::Path;
@@ -7,13 +7,13 @@ use crate::diagnostic::shown;
 use crate::image::{ExrFile, Image, ImageError, Part, Precision};
 use crate::metric::{MASK, Mask};
 
-/// Name of the frame's part, which is always the first part.
+/// Name of the part with the frame itself, which is always the first part of the file.
 pub const COLOR: &str = "color";
 /// Name of the part with the variance of each pixel of a noisy frame.
 pub(crate) const VARIANCE: &str = "color.variance";
 
-/// Fails if the path isn't a file, because Karat would wait forever for the content of a pipe. A broken link is an
-/// error, too: the golden exists, but its content is missing.
+/// Fails if the path is a pipe or a device, because Karat would wait forever for its content. Also fails if the path is
+/// a broken link: the golden exists, but its content is missing.
 pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     let refused = |kind, what: &str| {
         let cause = Error::new(kind, what);
@@ -48,12 +48,13 @@ pub(super) fn variance(image: &Image) -> Part {
     Part::new(VARIANCE, Precision::Float, coarse)
 }
 
-/// A mask as an image. Returns `None` if the mask can't be used for a frame of this size.
+/// A mask as a part of a golden's file. Returns `None` if the mask can't be used for a frame of this size.
 pub(super) fn mask(mask: &Mask, width: u32, height: u32) -> Option<Part> {
     Some(Part::new(MASK, Precision::Half, mask.to_image(width, height).ok()?))
 }
 
-/// Checks if a pixel is NaN or infinite. If one of the parts is a mask, pixels outside of the mask don't count.
+/// Checks if the frame has a NaN or infinite pixel. If one of the parts is a mask, pixels outside of the mask don't
+/// count.
 pub(super) fn non_finite(parts: &[Part]) -> bool {
     let Some(color) = parts.first() else { return false };
     let mask = parts.iter().find(|part| part.name == MASK).map(|part| part.image.pixels());

@@ -10,14 +10,14 @@ use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, p
 use crate::diagnostic::{nearest, shown};
 use crate::image::{ExrFile, ImageError, Part};
 
-/// Facts about the golden with which Karat compared a frame, and the finding of this comparison.
+/// Facts about the golden with which Karat compared a frame, and the difference that Karat found.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Against {
     pub(super) hash: String,
     /// The profile that owns the golden; empty for the golden for all profiles.
     pub(super) profile: String,
     pub(super) tolerance: String,
-    /// The finding of the comparison. `None` if there was no golden.
+    /// The difference that the comparison found; `None` if there was no golden.
     pub(super) finding: Option<FrameFinding>,
 }
 
@@ -28,7 +28,7 @@ pub struct Pending {
     pub case: String,
     /// The pending file.
     pub path: PathBuf,
-    /// The origin of the frame, and the finding of its comparison.
+    /// The origin of the frame or values, and the difference from the golden.
     pub provenance: Provenance,
 }
 
@@ -41,9 +41,9 @@ impl Pending {
         own.is_empty() || folder.is_empty() || own == *folder
     }
 
-    /// The folder with the golden of the comparison, in the project that contains the folder `here`. The folder may not
-    /// exist yet: a package's first golden creates it. Returns `None` if an older Karat wrote the pending file, because
-    /// then the file doesn't name the folder.
+    /// The folder of the golden with which Karat compared this frame or these values. `here` is a folder in the
+    /// project. The folder may not exist yet: a package's first golden creates it. Returns `None` if the pending file
+    /// doesn't name the folder: an older Karat wrote the file, or the folder was in no project.
     ///
     /// # Errors
     /// If `here` is in no project, if the folder isn't inside of the project, or if a part of the folder's path
@@ -130,7 +130,7 @@ impl PendingFrames {
         self.frames.is_empty() && self.unusable.is_empty()
     }
 
-    /// Moves pending files with equal frame names and equal folders of goldens to the unusable files.
+    /// If several pending files are for the same golden, moves these files from `frames` to `unusable`.
     fn without_doubles(mut self, folder: &Path) -> Self {
         fn name(pending: &Pending) -> (&str, &str, bool) {
             (&pending.case, &pending.provenance.folder, pending.is_table())
@@ -156,7 +156,7 @@ impl PendingFrames {
 }
 
 impl Goldens {
-    /// Writes a pending frame, unless the frame of another path is pending.
+    /// Writes a pending frame. If the frame of another path is pending, writes nothing.
     pub(super) fn write_pending(
         &self,
         case: &str,
@@ -206,7 +206,7 @@ impl Goldens {
         found.without_doubles(&self.folder())
     }
 
-    /// The pending frames of this name. An unusable file is selected by its file name.
+    /// The pending frames of this name, and the unusable files whose file names have this name.
     ///
     /// # Errors
     /// If no pending frame or unusable file has this name.
@@ -243,7 +243,8 @@ impl Goldens {
         Ok(selected)
     }
 
-    /// The name of a pending file from its path in this folder. The file's metadata may have another name.
+    /// The name of a pending frame according to the file's path in this folder. The file's metadata may contradict this
+    /// name.
     ///
     /// *Unstable*: may change in any release. Programs that run or report tests use it.
     #[must_use]
@@ -280,13 +281,14 @@ fn remove_preview(pending: &Path) {
     }
 }
 
-/// The extension of a pending file's name. Returns `None` for other names.
+/// The extension of a pending file: `.new.exr` or `.new.csv`. Returns `None` for other files.
 fn ending(name: &str) -> Option<&'static str> {
     [PENDING_FRAME, PENDING_TABLE].into_iter().find(|ending| name.ends_with(ending))
 }
 
 /// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even if
-/// several links lead to the folder. It leaves out frames under an overlay, because you can't accept these frames.
+/// several links lead to the folder. The list has no frames that were rendered under an overlay, because you can't
+/// accept these frames.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,

@@ -9,13 +9,13 @@ use crate::diagnostic::shown;
 use crate::image::remove_leftover;
 use crate::package::LinkedModule;
 
-/// The folder of frames that were rendered under an overlay. No golden has an `@` in its name.
+/// The folder of frames that were rendered under an overlay. Because of the `@`, no golden can have the same name.
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
-    /// The folder of pending frames. Usually this is the folder of their goldens. In CI, pending frames go into build
-    /// output, because nothing may change the sources there. Frames under an overlay go into build output, too, because
-    /// you must not accept these frames. In build output, each folder of goldens has its own pending folder.
+    /// The folder into which tests write pending frames: usually the folder of goldens. In CI, pending frames go into
+    /// build output, because nothing may change the sources there. Frames under an overlay go into build output, too,
+    /// because you must not accept these frames. In build output, each folder of goldens has its own pending folder.
     pub(super) fn pending_folder(&self) -> PathBuf {
         if self.beside {
             self.folder()
@@ -30,16 +30,16 @@ impl Goldens {
         }
     }
 
-    /// The folder's path from the project's root, with `/`. The path is the same on each machine that has the
-    /// project, and empty if the folder is in no project.
+    /// The folder's path from the project's root, with `/`. This path is the same on all machines. It is empty if the
+    /// folder is in no project.
     pub(crate) fn key(&self) -> String {
         let Some(folder) = resolved(&self.folder()) else { return String::new() };
         let below = root(&folder).and_then(|root| folder.strip_prefix(root).ok());
         below.map_or_else(String::new, with_slashes)
     }
 
-    /// The name of the Cargo package that has the folder, from the nearest `Cargo.toml` with a package. The name
-    /// is empty if there is no such file, as for a folder of shaders without Cargo. The folder may not exist yet.
+    /// The name of the Cargo package that has the folder, from the nearest `Cargo.toml` with a package. The name is
+    /// empty if there is no such `Cargo.toml`. The folder of goldens needn't exist yet.
     ///
     /// ```
     /// let goldens = karat::goldens!("golden");
@@ -59,7 +59,7 @@ impl Goldens {
     }
 
     /// The root of the project that contains the goldens: the folder with the `Cargo.lock`, or if there is no
-    /// `Cargo.lock`, the root of the repository. `None` if there is no such folder. The folder of goldens may not exist
+    /// `Cargo.lock`, the root of the repository. `None` if there is no such root. The folder of goldens needn't exist
     /// yet.
     ///
     /// ```
@@ -77,7 +77,7 @@ impl Goldens {
     }
 
     /// Hashes of modules, by the paths of their files from the project's root. The key of a module outside of the
-    /// project is the module's name. Both keys are the same on each machine.
+    /// project is the module's name. Paths from the root and names are the same on all machines.
     pub(super) fn module_hashes(&self, modules: &[LinkedModule]) -> BTreeMap<String, String> {
         let project = self.project();
         let name = |module: &LinkedModule| {
@@ -88,8 +88,8 @@ impl Goldens {
         modules.iter().map(|module| (name(module), module.hash.clone())).collect()
     }
 
-    /// Checks if commands find the folder without an argument. Commands find the folder `golden` in a Cargo package or
-    /// in the working directory.
+    /// Checks if commands such as `karat accept` find the folder without an argument. Commands look for a folder
+    /// `golden` in Cargo packages and in the working directory.
     fn is_usual(&self) -> bool {
         let folder = self.folder();
         let Some(folder) = resolved(&folder) else { return false };
@@ -101,8 +101,8 @@ impl Goldens {
             })
     }
 
-    /// Removes temporary files of killed acceptances and tests from the folder and its subfolders. Karat keeps
-    /// files that a running process writes, and files that can't be removed.
+    /// Removes temporary files from the folder and its subfolders. Tests and `karat accept` leave such files if they
+    /// are killed. Files of running processes stay.
     ///
     /// ```no_run
     /// karat::Goldens::open("golden".as_ref()).tidy();
@@ -113,8 +113,8 @@ impl Goldens {
         tidy(&self.folder());
     }
 
-    /// The arguments that commands need if the pending frames aren't in the folder of their goldens, or if the goldens
-    /// aren't in the usual folder.
+    /// The arguments that tell `karat accept` and other commands where pending frames and goldens are: ` --from
+    /// target/karat --goldens golden`. Empty if both are in the usual folder.
     pub(super) fn arguments(&self) -> String {
         if self.beside {
             return String::new();
@@ -180,8 +180,8 @@ fn with_slashes(path: &Path) -> String {
     path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
-/// A folder's absolute path without links. The folder may not exist yet: a package has no golden folder before
-/// its first golden.
+/// A folder's absolute path without links. The folder needn't exist: a package has no golden folder before its first
+/// golden.
 fn resolved(folder: &Path) -> Option<PathBuf> {
     let folder = std::path::absolute(folder).ok()?;
     let whole = |above: &Path| {
@@ -197,8 +197,8 @@ pub(super) fn root(folder: &Path) -> Option<&Path> {
 }
 
 /// Cargo's target folder. Karat recognises the folder by its file `CACHEDIR.TAG`. A folder that existed before Cargo
-/// used it may lack this file. If the file is missing, Karat uses the parent of the Cargo profile's folder. If Cargo
-/// didn't build the test, the path is empty, which means the working directory.
+/// used it may lack this file. If `CACHEDIR.TAG` is missing, Karat uses the parent of the Cargo profile's folder
+/// (`debug` or `release`). If Cargo didn't build the test, the path is empty, which means the working directory.
 ///
 /// ```
 /// let leftovers = karat::unstable::golden::build_output().join("karat");

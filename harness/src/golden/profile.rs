@@ -7,7 +7,7 @@ use crate::path::Adapter;
 /// An execution path and the family of the path's driver: `vulkan-llvmpipe`, `gl-nvidia`.
 ///
 /// The golden for all profiles is `<case>.exr`. If a profile fails with that golden, the profile can have its own
-/// golden, `@<profile>/<case>.exr`. No other profile uses this golden.
+/// golden, `@<profile>/<case>.exr`. Other profiles don't use that file.
 ///
 /// ```
 /// # use karat::unstable::path::Adapter;

@@ -22,7 +22,7 @@ pub struct Provenance {
     /// [`text_hash`](crate::diagnostic::text_hash) of the linked WGSL.
     pub shader: String,
     /// Hashes of the linked modules, by the paths of their files from the project's root. A module outside of the
-    /// project has its name as the key. The map is empty for goldens of older versions.
+    /// project has its name as the key. The map is empty for goldens from older versions of Karat.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub modules: BTreeMap<String, String>,
     /// blake3 hash of the size and the stored pixels; for a table, of its columns and cells.
@@ -38,8 +38,8 @@ pub struct Provenance {
     pub precision: Precision,
     /// The tolerance of the frame: `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`.
     pub tolerance: String,
-    /// The adapter that rendered the frame. The name of a software rasteriser includes its compiler's version and
-    /// its vector width, because the results depend on them.
+    /// The adapter that rendered the frame. The name of a software rasteriser includes its compiler's version and its
+    /// vector width, because the results depend on this version and width.
     pub adapter: Adapter,
     /// Vendor and model of the processor, on which the results of software rasterisers depend.
     pub processor: String,
@@ -49,8 +49,8 @@ pub struct Provenance {
     /// The folder of the goldens with which a pending frame was compared, from the project's root.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub folder: String,
-    /// The Cargo package that has this folder. The name is empty if there is no package, or if an older Karat
-    /// wrote the file.
+    /// The Cargo package that contains `folder`. The name is empty if there is no package, or if an older Karat wrote
+    /// the file.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub cargo_package: String,
     /// Hash of the pixels of the golden with which this frame was compared; empty if there was no golden.
@@ -59,7 +59,7 @@ pub struct Provenance {
     /// The profile that owns the golden of the comparison; empty for the golden for all profiles.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_profile: String,
-    /// The finding of a pending frame's comparison; `None` for goldens and for frames without a golden.
+    /// The difference between a pending frame and its golden; `None` for goldens and for frames without a golden.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finding: Option<FrameFinding>,
     /// The exposures of HDR-FLIP. Accepting the golden pins the exposures: later frames don't change them.
@@ -83,8 +83,8 @@ pub struct Provenance {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProvenanceError {
-    /// A newer version wrote the facts.
-    #[error("a newer Karat wrote it (facts of version {0}, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
+    /// A newer version of Karat wrote the facts.
+    #[error("a newer Karat wrote its metadata (in version {0} of the format, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
     /// The facts can't be parsed, or have control characters.
     #[error("its metadata can't be read ({0})")]
@@ -129,7 +129,7 @@ impl Provenance {
     }
 }
 
-/// Checks if a text has a control character other than a line break or a tab.
+/// Checks if a text in `value` has a control character other than a line break or a tab.
 fn has_controls(value: &Value) -> bool {
     let controls = |text: &str| text.chars().any(|c| c.is_control() && !"\n\r\t".contains(c));
     match value {
@@ -142,15 +142,15 @@ fn has_controls(value: &Value) -> bool {
     }
 }
 
-/// The finding of a frame's comparison with its golden, from the test that made the comparison.
+/// The difference between a frame and its golden. The test stores the difference in the pending file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameFinding {
     /// The difference, as text.
     pub verdict: String,
     /// All measurements, in order.
     pub margins: Vec<CriterionMargin>,
-    /// `true` if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
-    /// the profile needs no golden of its own.
+    /// `true` if the profile has its own golden but doesn't need it, because the frame would pass with the golden for
+    /// all profiles.
     #[serde(default)]
     pub base_passes: bool,
 }

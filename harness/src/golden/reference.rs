@@ -11,7 +11,7 @@ pub(super) struct Reference {
     image: Image,
     /// `None` if another tool made the file.
     provenance: Option<Provenance>,
-    /// The golden's variance, if the golden has a variance and the frame is noisy.
+    /// The golden's variance. Karat reads the variance only for noisy frames.
     variance: Option<Image>,
 }
 
@@ -36,8 +36,8 @@ impl Reference {
         Ok(Self { image, provenance, variance })
     }
 
-    /// Checks if the file has 32-bit floats. A file of another tool counts as 32-bit, because that is the
-    /// stricter assumption.
+    /// Checks if the file has 32-bit floats. If another tool wrote the file, Karat assumes 32-bit floats, because their
+    /// comparison is stricter.
     fn is_in_floats(&self) -> bool {
         self.provenance.as_ref().is_none_or(|known| known.precision == Precision::Float)
     }

@@ -7,8 +7,8 @@
 //! 0.5,0.25,0.0796
 //! ```
 //!
-//! The comments have the facts about the values, as TOML. The other lines are CSV. The cells are numbers, `true` or
-//! `false`, so they need no quotes.
+//! The lines with `#` contain the facts about the values, as TOML. The other lines are CSV. The cells are numbers,
+//! `true` or `false`, so they need no quotes.
 
 use std::path::Path;
 
@@ -32,7 +32,7 @@ pub struct Column {
 /// Rows of numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Table {
-    /// The columns. The columns of arguments come first.
+    /// The columns: first the arguments, then the results.
     pub columns: Vec<Column>,
     /// The number of columns that are arguments.
     pub arguments: usize,
@@ -56,7 +56,7 @@ pub enum TableError {
     /// The file can't be read.
     #[error(transparent)]
     File(#[from] ImageError),
-    /// The facts can't be used.
+    /// The facts in the file's comments can't be used.
     #[error("`{path}` can't be used: {cause}")]
     Provenance {
         /// The file.

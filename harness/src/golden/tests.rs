@@ -1,4 +1,4 @@
-//! Synthetic frames, compared with goldens in a temporary folder.
+//! Tests that compare generated frames with goldens in a temporary folder.
 
 mod acceptance;
 mod kept;
@@ -19,7 +19,7 @@ fn adapter(path: &str) -> Adapter {
     Adapter { path: path.to_owned(), name, driver, software: true }
 }
 
-/// A ramp with a bright half: 64 x 48 pixels.
+/// An image of 64 x 48 pixels: a ramp of brightness above, and bright pixels below.
 fn ramp() -> Image {
     let pixel = |index: u32| {
         let (x, y) = ((index % 64) as f32, (index / 64) as f32);
@@ -61,7 +61,7 @@ fn rendered<'a>(image: &'a Image, adapter: &'a Adapter) -> Rendered<'a> {
     }
 }
 
-/// The ramp, in which a square of 8 x 8 pixels has wrong values.
+/// The image [`ramp`] with wrong values in a square of 8 x 8 pixels.
 fn spot(factor: f32) -> Image {
     let pixels: Vec<_> = (8..16).flat_map(|y| (24..32).map(move |x| (x, y))).collect();
     with(&pixels, factor)

@@ -12,8 +12,8 @@ use crate::tolerance::{power, significant};
 /// The largest mean FLIP error that a tile may have on the profile that made the golden. Measured errors: rounding to
 /// half floats gives 0.004, twenty changed pixels at edges give 0.02, and faults of shaders give 0.09 and more.
 const TILE_BOUND: f64 = 0.01;
-/// The largest mean FLIP error that a tile may have on a profile that didn't make the golden. Its rasteriser may choose
-/// other pixels at edges.
+/// The largest mean FLIP error that a tile may have on a profile that didn't make the golden. The rasteriser of another
+/// profile may fill other pixels at edges.
 const FOREIGN_TILE_BOUND: f64 = 0.03;
 /// The largest mean FLIP error that a frame may have.
 const MEAN_BOUND: f64 = 0.005;
@@ -92,8 +92,7 @@ impl FrameTolerance {
         Self::Any(vec![Self::gate(DEFAULT_RELATIVE), flip])
     }
 
-    /// Describes the first bound that every frame or no frame would pass, with the reason; `None` if all bounds are
-    /// useful.
+    /// Describes the first useless bound, which every frame or no frame would pass; `None` if all bounds are useful.
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
         // A black frame passes a relative bound of 1, and every frame passes a FLIP bound of 1.
@@ -133,7 +132,8 @@ impl FrameTolerance {
         }
     }
 
-    /// Measures the criteria in their order, until the verdict is clear.
+    /// Measures the criteria of the tolerance in order, and stops at the first criterion of [`Any`](Self::Any) that
+    /// passes.
     pub(super) fn judge(&self, pair: &Pair<'_>) -> Judgement {
         let leaf = |criterion: FrameCriterion, metric: &dyn Metric, bound: f64| {
             let Measured { value, place, note, .. } = metric.measure(pair);
@@ -287,7 +287,7 @@ pub struct CriterionMargin {
 }
 
 impl CriterionMargin {
-    /// Checks if the value is within the bound. NaN isn't within any bound.
+    /// Checks if the value is within the bound. NaN never passes.
     ///
     /// ```
     /// # use karat::Image;

@@ -92,15 +92,16 @@ pub enum ValuesError {
 }
 
 impl ValuesError {
-    /// Checks if the error means that the values are wrong. Returns `false` if Karat couldn't compare the values.
+    /// Checks if the error means that the values are wrong. Returns `false` if Karat can't tell, for example without a
+    /// golden.
     pub(crate) fn is_failure(&self) -> bool {
         matches!(self, Self::Differs { .. } | Self::NonFinite { .. })
     }
 }
 
 impl Goldens {
-    /// The golden's file. All paths share this golden: if a path computes other values, the test gives that path its
-    /// own tolerance.
+    /// The golden's file, which all paths share. If a path computes other values, you give that path its own tolerance
+    /// in the test.
     pub(super) fn values(&self, case: &str) -> std::path::PathBuf {
         self.folder().join(format!("{case}.csv"))
     }
@@ -160,8 +161,7 @@ impl Goldens {
         }
     }
 
-    /// Removes the pending file of some values, because the values now agree with their golden. If the file doesn't
-    /// exist, this method does nothing.
+    /// Removes the pending file of values that now agree with their golden, if there is such a file.
     pub(crate) fn values_agree(&self, case: &str) {
         drop(std::fs::remove_file(self.pending_values(case)));
     }
@@ -180,7 +180,7 @@ impl Goldens {
         if let Some((row, at, value)) = table.non_finite() {
             let advice = match at < table.arguments {
                 true => "restrict the domain",
-                false => "fix the shader, or restrict its arguments",
+                false => "fix the shader, or restrict the domain of an argument",
             };
             return Err(ValuesError::NonFinite {
                 case: case.to_owned(),
@@ -232,8 +232,8 @@ impl Goldens {
     }
 }
 
-/// Describes the difference between the columns of some values and the columns of their golden. Returns `None` if the
-/// columns are equal.
+/// Compares the columns of new values with the golden's columns, and describes both if they differ. Returns `None` if
+/// the columns are equal.
 pub(crate) fn other_columns(golden: &Table, made: &Table) -> Option<String> {
     if golden.columns == made.columns && golden.arguments == made.arguments {
         return None;

@@ -1,4 +1,5 @@
-//! Runs functions that write data visible outside of them. Each case is one dispatch of the kernel.
+//! Runs functions that write to variables outside of the function. Each case is one dispatch of a kernel: a generated
+//! compute entry point that calls the function.
 
 use std::sync::Arc;
 
@@ -13,7 +14,7 @@ use crate::probe::{Inputs, ProbeError, Probed, UNIFORM_WORDS};
 use crate::reflect::{Binding, Program};
 use crate::settings;
 
-/// A lowered kernel with its resources.
+/// A kernel that is lowered (translated) for the engine, with its resources.
 #[derive(Debug)]
 pub struct Alone {
     lowered: Lowered,
@@ -35,7 +36,7 @@ pub struct Alone {
 }
 
 impl Alone {
-    /// Lowers a function with rounding to the nearest float.
+    /// Lowers the kernel of a function, with the ordinary arithmetic: rounding to the nearest float.
     ///
     /// # Errors
     /// Returns an error if the engine can't execute the function.
@@ -43,7 +44,7 @@ impl Alone {
         Self::rounding(probed, fixtures, Via::Direct)
     }
 
-    /// Lowers a function like `new`, with the arithmetic of the path `cpu` that `via` selects.
+    /// Lowers a kernel like `new`. `via` selects the arithmetic: ordinary, `cpu:fma` or `cpu:ftz`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -97,7 +98,7 @@ impl Alone {
         Ok(open)
     }
 
-    /// For each word, `true` if the word depends on a read or a write outside of an array or a texture.
+    /// For each word of the results, `true` if the word depends on a read or a write outside of an array or a texture.
     pub(super) fn of_outside(
         &self,
         cases: usize,
@@ -108,8 +109,8 @@ impl Alone {
         })
     }
 
-    /// The words of each case: the function's result, the values behind its pointers, and the resources that the
-    /// function writes.
+    /// The results of each case as words: the function's result, the values to which its pointer arguments point, and
+    /// the resources that the function writes.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let counts = self.lowered.counts();
         let options = Options { counts: counts.clone(), ..Options::default() };
@@ -147,7 +148,7 @@ impl Alone {
         Ok(words)
     }
 
-    /// Runs one case, and returns the resources.
+    /// Runs one case, and returns the resources with their new contents.
     fn observed<A: Runs>(
         &self,
         arguments: &[u32],

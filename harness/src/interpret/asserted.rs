@@ -24,16 +24,17 @@ pub(crate) const KEPT: usize = 1024;
 /// The number of values that a test's output shows for each printing line.
 pub(crate) const SHOWN: usize = 16;
 
-/// A line that prints, with its values. `C` is the type of a case: its index during a run, and its name afterwards.
+/// A line that prints, with the printed values. `C` is the type of a case: its index during a run, and its name
+/// afterwards.
 struct Print<C> {
     span: Span,
     text: String,
     shape: Shape,
     count: u64,
-    /// The first values in the order of cases, each with its call or invocation.
+    /// The printed values of the first cases, each with its case.
     first: Vec<(C, Vec<u32>)>,
-    /// The smallest and the largest number of each component, each with its bits and its case. Booleans and NaN are
-    /// left out.
+    /// For each component, the smallest and the largest printed number, with its bits and its case. `None` for
+    /// booleans. NaN doesn't count.
     ends: Vec<Option<[(f64, u32, C); 2]>>,
     nans: u64,
     /// The first case in which the line reads outside of an array.
@@ -56,7 +57,7 @@ enum Line {
     Assertion(Assertion),
 }
 
-/// The asserting and printing lines of a program, with their values so far.
+/// The asserting and printing lines of a program, with the values that the engine has seen so far.
 struct Seen<'p> {
     program: &'p Program,
     /// The index of each line in `lines`. The key is the address of the line's site (the engine's record of an
@@ -64,7 +65,7 @@ struct Seen<'p> {
     sites: BTreeMap<usize, usize>,
     spans: Vec<Span>,
     lines: Vec<Mutex<Line>>,
-    /// The number of invocations that a case needs: four in a quad.
+    /// The number of invocations that a case needs: one, or four if the case is a quad.
     lanes: usize,
 }
 
@@ -216,7 +217,7 @@ impl Print<usize> {
         self.first.truncate(KEPT);
     }
 
-    /// Replaces the indices of cases by names.
+    /// Replaces the indices of cases by the names that messages show.
     fn named(mut self, name: &dyn Fn(usize) -> String) -> Print<String> {
         self.keep_first();
         let Self { span, text, shape, count, first, ends, nans, outside } = self;
@@ -257,7 +258,7 @@ impl Print<String> {
         }
     }
 
-    /// A table of the values: the count, the smallest and the largest value, and the first `most` values.
+    /// The table of a printing line: the number of values, the smallest, the largest and the first `most` values.
     fn table(&self, most: usize) -> String {
         let Self { span, text, shape, count, nans, .. } = self;
         let times = counted(usize::try_from(*count).unwrap_or(usize::MAX), "value");
@@ -300,7 +301,7 @@ impl Assertion {
         self.first.or(self.outside)
     }
 
-    /// A note that no case reaches the assertion, so the assertion proves nothing; `None` if a case reaches it.
+    /// A note if no case reaches the assertion, because such an assertion proves nothing.
     fn unreached(&self) -> Option<String> {
         let Self { span, text, count, .. } = self;
         (*count == 0).then(|| format!("note: {span}: no case reaches the assertion `{text}`\n"))
@@ -334,11 +335,10 @@ struct Lines {
 }
 
 impl Watched {
-    /// Prepares a function. Returns `None` if the function has no such lines.
+    /// Prepares a function for the engine. Returns `None` if the function neither asserts nor prints.
     ///
     /// # Errors
-    /// Returns an error if the engine can't execute the function. An assertion without an evaluation would prove
-    /// nothing.
+    /// Returns an error if the engine can't execute the function. Otherwise the test would pass without its assertions.
     pub(crate) fn of(probed: &Probed, fixtures: &Fixtures) -> Result<Option<Self>, ProbeError> {
         if !has_lines(&probed.program) {
             return Ok(None);
@@ -351,7 +351,7 @@ impl Watched {
         Ok(has_own.then(|| Self { function, lines: Mutex::default() }))
     }
 
-    /// Evaluates the asserting and printing lines in some calls. In messages, the arguments of a call name its case.
+    /// Evaluates the asserting and printing lines in some calls. Messages identify a call by its arguments.
     ///
     /// # Errors
     /// Returns an error if an assertion is false, or reads outside of an array.
@@ -389,7 +389,7 @@ impl Watched {
         wrong.map_or(Ok(()), |wrong| Err(ProbeError::Asserted(wrong)))
     }
 
-    /// The tables of prints from the calls so far, and notes about assertions that no call reaches.
+    /// The tables of all values that were printed so far, and notes about assertions that no call reached. Clears both.
     pub(crate) fn told(&self) -> String {
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         let Lines { prints, assertions, calls } = std::mem::take(&mut *lines);

@@ -15,7 +15,7 @@ use crate::settings;
 
 const ENDING: &str = "coverage";
 
-/// The statements of a program, with the number of times that a test ran them.
+/// A program's statements, each with the number of times that one test ran the statement.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ran {
     /// The name of the test.
@@ -27,12 +27,12 @@ pub struct Ran {
     pub statements: Vec<Counted>,
 }
 
-/// A statement of a source file, or a branch in it.
+/// A statement of a source file, or an operation that branches: `&&`, `||` or `select`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counted {
     /// The source file.
     pub file: PathBuf,
-    /// The first and the last line, from 1. A statement that contains other statements has only its first line.
+    /// The first and the last line, from 1. For a statement that contains other statements, both are its first line.
     pub lines: [usize; 2],
     /// The column in the first line, from 1.
     pub column: usize,
@@ -43,7 +43,8 @@ pub struct Counted {
     /// The number of cases, pixels or invocations that reached the statement. `None` says that the number is unknown,
     /// because the engine didn't run the statement.
     pub count: Option<u64>,
-    /// For each of the [ways](Self::ways) of a branch, the number of cases, pixels or invocations that took this way.
+    /// For each of a branch's [ways](Self::ways), such as `true` and `false`, the number of cases, pixels or
+    /// invocations that took this way.
     pub taken: Vec<u64>,
     /// `true` if a checked result depends on the statement.
     pub needed: bool,
@@ -103,7 +104,7 @@ impl Counted {
         }
     }
 
-    /// The position and the kind, which identify the statement in all runs.
+    /// The position and the kind of the statement. They are equal in all runs of the same source text.
     #[must_use]
     pub fn key(&self) -> (PathBuf, [usize; 2], usize, CountedKind) {
         (self.file.clone(), self.lines, self.column, self.kind)
@@ -142,7 +143,8 @@ pub(crate) fn counts() -> bool {
     settings::coverage().is_some()
 }
 
-/// Writes a test's coverage of a program. `input` returns the arguments of a case.
+/// Writes the number of times that the current test ran each statement of a program. `input` returns the arguments of a
+/// case.
 pub(super) fn note(
     program: &Program,
     lowered: &Lowered,
@@ -157,7 +159,7 @@ pub(super) fn note(
     write(program, merged(all));
 }
 
-/// Notes that a test runs a program without counting its statements.
+/// Writes the program's statements without counts, because another path than the engine runs the program.
 pub(crate) fn unmeasured(program: &Program) {
     if counts() {
         let mut all = statements_of(program);
@@ -220,8 +222,8 @@ fn counted(
     Some(one)
 }
 
-/// Merges equal statements: sums the counts over the calls of their function. naga's IR may have several statements for
-/// one statement of the source, such as a value and its store.
+/// Merges all records of one source statement. naga's IR may have several statements for it, such as a value and its
+/// store: then the largest count stays. If a function is called at several places, the counts of these calls are added.
 fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
     let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
     for (call, one) in all {

@@ -18,7 +18,7 @@ use crate::package::DISCARDED;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
-/// The reached positions in source files, with the branches that inputs took there.
+/// The operations of a program by their positions in source files, with the branches that inputs took.
 #[derive(Debug, Default)]
 pub struct Coverage {
     by_place: BTreeMap<(String, usize, usize), Seen>,
@@ -40,14 +40,14 @@ impl Seen {
     }
 }
 
-/// A part of an edit that no input reaches.
+/// A line or a branch of an edit (a change of the shader) that no input reaches.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Uncovered {
     /// `file:line:column`
     pub place: String,
     /// The line in the source file.
     pub text: String,
-    /// The part of the line that no input reaches.
+    /// The part of this line that no input reaches.
     pub missed: Missed,
 }
 
@@ -55,7 +55,7 @@ pub struct Uncovered {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Missed {
-    /// The line as a whole.
+    /// The whole line.
     Line,
     /// The true branch of the condition.
     True,
@@ -73,11 +73,11 @@ struct Taken {
     outside: AtomicBool,
 }
 
-/// The branches that cases took, for each site (operation) of a program in order.
+/// For each site (operation) of a program, in order, the branches that cases took.
 struct AllTaken {
     all: Vec<Taken>,
-    /// The sites of `discard`, with the cases that reached one. Later operations of such a case count as not reached,
-    /// because no output depends on them.
+    /// The sites of `discard`. `discarded` has the cases that reached such a site. Their later operations count as not
+    /// reached, because no output depends on these operations.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
 }
@@ -133,7 +133,7 @@ impl AllTaken {
 }
 
 impl Coverage {
-    /// Adds the calls of a function.
+    /// Runs calls of a function, and adds the operations that they reach.
     pub fn add_calls(
         &mut self,
         probed: &Probed,
@@ -162,7 +162,7 @@ impl Coverage {
         Ok(())
     }
 
-    /// Adds the invocations of passes over generated resources.
+    /// Runs passes over generated resources, and adds the operations that their invocations reach.
     pub fn add_passes(&mut self, passes: &Passes) -> Result<(), DispatchError> {
         in_order(passes, &mut |pass, lowered, resources| {
             let taken = AllTaken::none(lowered, &pass.program);
@@ -210,12 +210,13 @@ impl Coverage {
         lines
     }
 
-    /// The positions where an index was outside of its array in this version, but not in the other version.
+    /// The positions where an index was outside of its array in this version, but not in the version `other`.
     pub fn outside_beside(&self, other: &Self) -> Vec<Span> {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// The positions of operations whose text occurs more often in this version than in the version `other`.
+    /// The operations for which `is` returns `true`, and whose text then occurs more often in this version than in
+    /// `other`.
     fn more_than<'r>(
         &'r self,
         other: &Self,
@@ -233,7 +234,7 @@ impl Coverage {
     }
 }
 
-/// For each scalar of the calls' results, `true` if it depends on a read or a write outside of an array.
+/// For each scalar of the calls' results, `true` if the scalar depends on a read or a write outside of an array.
 pub fn of_outside(
     probed: &Probed,
     fixtures: &Fixtures,

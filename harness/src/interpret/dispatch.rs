@@ -13,20 +13,21 @@ use crate::settings;
 /// The largest workgroup that the engine accepts, in invocations.
 const MOST_INVOCATIONS: u32 = 1024;
 
-/// Dispatches passes, and returns the data that they write. To stay quick, returns an error if all loops together take
-/// more than about ten thousand rounds.
+/// Dispatches passes, and returns the data that they write. To stay quick, returns an error if a pass's loops take more
+/// than 65,536 iterations in all invocations together.
 pub fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     const WORK: u64 = 1 << 16;
     dispatched(passes, &|_| Options { work: WORK, ..options() })
 }
 
-/// Dispatches passes with the arithmetic of the path `cpu` that `via` selects, and returns the data that they write.
+/// Dispatches passes, and returns the data that they write. `via` selects the arithmetic: ordinary, `cpu:fma` or
+/// `cpu:ftz`.
 pub fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
 }
 
-/// The options for each pass, by the pass's index.
+/// Returns the engine's options for a pass, by the pass's index.
 pub(super) type OfPass<'o> = &'o dyn Fn(usize) -> Options;
 
 pub(super) fn dispatched(
@@ -56,10 +57,10 @@ pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, Dispa
     Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
 }
 
-/// Runs one pass over its resources. Returns `false` if no later pass may run.
+/// A function that runs one pass, and changes its resources. It returns `false` if later passes must not run.
 type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool, Stop>;
 
-/// Runs passes one after another, and returns all resources. Each resource is bound in group 0, under its own number.
+/// Runs passes one after another with `run`, and returns all resources. A resource's binding in group 0 is its number.
 pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
     Prepared::new(passes, &Settings::default())?.run(run)
 }
@@ -68,7 +69,7 @@ pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, Dispa
 pub(super) struct Prepared<'p> {
     pub(super) passes: &'p Passes,
     lowered: Arc<[Lowered]>,
-    /// The resources before the first pass, each bound in group 0 under its own number.
+    /// The resources before the first pass. A resource's binding in group 0 is its number.
     resources: Resources,
 }
 

@@ -26,18 +26,18 @@ pub fn is_same(functions: [&Probed; 2]) -> bool {
     }
 }
 
-/// A guard in a source file, such as `max(x, 0.0)`, and the argument to keep when removing the guard.
+/// A guard in a source file, such as `max(x, 0.0)`, and the argument that remains (`x`) if you remove the guard.
 pub struct Guard<'g> {
     /// The byte offset of the guard in the source text.
     pub at: usize,
     /// The text of the guard.
     pub text: &'g str,
-    /// The text of the argument to keep.
+    /// The text of the argument that remains.
     pub argument: &'g str,
 }
 
-/// Watches the guard's operation during a run with intervals. The flags in `seen` say that the guard ran, and that it
-/// may have changed its first operand.
+/// Watches the guard's operation during a run with intervals. `seen` has two flags: the guard ran, and the guard may
+/// have changed its first operand.
 struct Guarded<'g> {
     sites: BTreeSet<usize>,
     acts: &'g (dyn Fn(&[Interval]) -> bool + Sync),
@@ -60,11 +60,11 @@ impl Observer<Intervals> for Guarded<'_> {
     }
 }
 
-/// Checks if a guard in a function never changes a value. The engine runs the function with an interval for each
-/// argument. The guarded value must already be within the guard's bounds. A guard does act on NaN and infinities, which
-/// a float argument may have, so all floats in the function must come from integers. If this returns `true`, any
-/// implementation of WGSL returns the same without the guard. Only the sign of a zero may differ, which WGSL allows
-/// implementations to ignore.
+/// Checks if a guard in a function never changes a value. The engine runs the function once, with an interval for each
+/// argument, and checks that the guarded value is already within the guard's bounds. Returns `false` if the function
+/// has float arguments, because these may be NaN or infinite, and then the guard acts. If this returns `true`, any
+/// implementation of WGSL returns the same without the guard, except for the sign of a zero, which WGSL lets
+/// implementations ignore.
 pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     let function = probed.function();
     let name = guard.text.split('(').next().unwrap_or_default().trim();
@@ -118,13 +118,13 @@ fn is_closed(probed: &Probed) -> bool {
     reads == 0 && !is_alone && program.module().overrides.is_empty()
 }
 
-/// The largest number of inputs to try one by one. The engine needs some seconds for so many inputs.
+/// The largest number of inputs that Karat tries one by one. The engine needs some seconds for this number.
 const ALL_INPUTS: usize = 1 << 24;
 
 /// Calls two functions with all inputs. Returns the number of inputs if both functions return the same bits for each
-/// input, where all NaN are equal. Returns `None` if a result differs, or if there are more than 2^24 inputs. Only
-/// booleans and 16-bit floats have so few values. A resource or an override would be another input, so the functions
-/// must not read resources or overrides.
+/// input, where all NaN are equal. Returns `None` if a result differs, or if there are more than 2^24 inputs. Also
+/// returns `None` for functions with 32-bit arguments, which have too many values, and for functions that read
+/// resources or overrides, because these would be further inputs.
 pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     let lanes = functions.map(|probed| {
         let of = probed.function().parameters.iter().flat_map(|(_, shape)| shape.lanes());
@@ -163,7 +163,7 @@ pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
 /// The number of cases to run at once. Memory then holds the arguments and results of only these cases.
 const BATCH_OF_ALL: usize = 1 << 16;
 
-/// The number of values of a scalar type, if it has at most 2^16.
+/// The number of values of a scalar type. Returns `None` for types with more than 2^16 values.
 fn inputs_of(scalar: Scalar) -> Option<usize> {
     match scalar {
         Scalar::Bool => Some(2),
@@ -199,7 +199,7 @@ mod tests {
         agree_everywhere([&a, &b])
     }
 
-    /// Two functions differ if they return different bits for a single input. All NaN count as the same result.
+    /// Two functions differ if they return different bits for at least one input. All NaN count as equal.
     #[test]
     fn functions_of_16_bits_are_compared_for_all_inputs() {
         let of = |body: &str| format!("fn f(x: f16) -> f16 {{ return {body}; }}");

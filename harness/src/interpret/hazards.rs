@@ -2,8 +2,8 @@
 //! operations that WGSL doesn't bound.
 //!
 //! A function runs in `f32` and also in `f64` (the shadow). Both runs record each operation with its operands. If an
-//! operand is already wrong, the operation isn't at fault. So Karat reports each hazard at the operation that causes
-//! the hazard.
+//! operand is already wrong, an earlier operation is at fault. So Karat reports each hazard at the first operation that
+//! has right operands and a wrong result.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
@@ -19,7 +19,8 @@ use crate::diagnostic::Span;
 pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
 
-/// The first operation with finite operands and a value that isn't finite, with its position.
+/// Describes the first operation that has finite operands and returns NaN or infinity: a name such as `first NaN`, and
+/// the operation with its position.
 pub(crate) fn first_not_finite<'f>(
     found: impl Iterator<Item = &'f Found>,
 ) -> Option<(&'static str, String)> {
@@ -43,13 +44,13 @@ pub struct Found {
     pub span: Span,
     /// The text of the operation in the source file.
     pub text: String,
-    /// `true` if the result is finite nevertheless, because a later operation hides the hazard.
+    /// `true` if the function's result is finite nevertheless, because a later operation hides the hazard.
     pub hidden: bool,
     /// The operation's value in `f32` and in `f64`, for the hazard "lost digits"; otherwise `None`.
     pub values: Option<(f32, f64)>,
-    /// The operation's operands in `f32`.
+    /// For NaN, infinity and lost digits, the operation's operands in `f32`; otherwise empty.
     pub operands: Vec<f32>,
-    /// For a derivative, the two pixels of which only one takes the derivative.
+    /// If only one of two pixels takes a derivative, these two pixels.
     pub missing: Option<Missing>,
 }
 
@@ -64,9 +65,9 @@ pub struct Missing {
     pub parted: Option<Span>,
 }
 
-/// Checks if an operation turns a NaN into a number. Implementations may assume that NaN doesn't occur (WGSL, section
-/// 15.7.2). So `max` or `clamp` of a NaN, or a comparison with NaN, may return any value. Another driver may show a NaN
-/// that this operation hides.
+/// Checks if an operation turns a NaN into a number in the given lane. Implementations may assume that NaN doesn't
+/// occur (WGSL, section 15.7.2). So `max` or `clamp` of a NaN, or a comparison with NaN, may return any value. Another
+/// driver may show a NaN that this operation hides.
 fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
     events.iter().any(|event| {
         let has_nan = event.operands.iter().any(|operand| operand[lane].is_nan());
@@ -76,33 +77,33 @@ fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
 
 /// The hazards in some cases.
 pub struct Hazards {
-    /// For each case, the first hazard of each kind.
+    /// For each case, the hazards of each kind, up to the first one that the caller doesn't ignore.
     pub cases: Vec<Vec<Found>>,
-    /// `true` if the recorder reached its limit before the function's end.
+    /// `true` if the function runs more operations than Karat records.
     pub cut: bool,
-    /// For each site, the number of cases that reached it with finite operands.
+    /// For each site, the number of cases that reached the site with finite operands.
     pub reached: BTreeMap<usize, usize>,
 }
 
-/// The number of lanes (cases or pixels) that run together. The engine runs this many lanes as one chunk, so the
-/// recorder gets their operations in order.
+/// The number of lanes (cases or pixels) that run together. The engine runs this many lanes as one chunk, so Karat
+/// records their operations in order.
 const TOGETHER: usize = 256;
 
 /// The largest number of operations to record in a run. A loop repeats its operations, so a hazard in its thousandth
 /// iteration usually occurs in earlier iterations, too.
 const MOST_EVENTS: usize = 4096;
 
-/// The largest number of loop iterations for the run with intervals, in each case, if the recorder reached its limit of
-/// operations. With sixteen operations in an iteration, this is as many operations as the recorder keeps.
+/// The largest number of loop iterations of each case in the run with intervals, if the run in `f32` reached
+/// [`MOST_EVENTS`]. With sixteen operations in an iteration, both runs then record the same number of operations.
 const ROUNDS_SEEN: u64 = 256;
 
 /// Thresholds for the errors of a float format: `f32`, or 16-bit floats.
 struct Precision {
-    /// A relative error above this value says that half of the digits are lost.
+    /// A number with a relative error above this value has lost half of its digits.
     lost: f64,
-    /// An operand with a relative error below this value doesn't cause a loss of digits.
+    /// An operand with a relative error of at most this value counts as precise, so a loss of digits has another cause.
     precise: f64,
-    /// A difference below this share of its operands is only their rounding error.
+    /// A difference that is smaller than this share of its operands consists only of their rounding errors.
     noise: f64,
     /// The smallest number that implementations don't flush to zero.
     least: f64,
@@ -129,29 +130,29 @@ impl Precision {
     }
 }
 
-/// The largest number of loop iterations for generated arguments.
+/// The largest number of loop iterations of a case with generated arguments.
 pub(super) const PATIENCE: u64 = 4096;
 
-/// If a loop with generated arguments runs this number of iterations, it is reported as endless. A case then takes
-/// tenths of a second.
+/// If a loop with generated arguments runs this number of iterations, Karat reports the loop as endless. A case then
+/// takes tenths of a second.
 pub const LONG: u64 = 1 << 18;
 
-/// The largest number of iterations for loops with a bound.
+/// The largest number of loop iterations of a case, if the number of iterations of each loop has a known bound.
 const MOST_ROUNDS: u64 = 65_536;
 
 /// The number of iterations after which the run with intervals stops, if the intervals don't decide whether a loop
-/// ends. In each of these iterations, the engine runs both branches.
+/// ends. Until then, the engine assumes in each iteration that the loop may end and may continue.
 const UNDECIDED: u64 = 16;
 
 /// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41)
-/// of its operands has fewer than 12 correct bits even in double precision. An `f32` has 24 bits.
+/// of its operands has fewer than 12 correct bits even in double precision. This is half of the 24 bits of an `f32`.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
-/// An interval whose relative width is at most this number counts as one number. If all operands of an operation are
-/// such intervals and its result is unbounded, then the operation itself is the cause.
+/// An interval whose relative width is at most this number counts as one number. If all operands of an operation count
+/// as one number, and its result is unbounded, then the operation itself is the cause.
 const NARROW: f64 = 1.0 / 1024.0;
 
-/// An operation in all lanes of a chunk.
+/// One run of an operation, with the values in all lanes of a chunk.
 struct Event<F> {
     site: usize,
     half: bool,
@@ -164,14 +165,14 @@ struct Event<F> {
 /// Two pixels of a quad: one takes a derivative, and the other doesn't.
 #[derive(Clone, Copy)]
 struct Parted {
-    /// The indices of both pixels among all pixels. The first one takes the derivative.
+    /// The indices of both pixels among all pixels: first the pixel that takes the derivative.
     pixels: [usize; 2],
     /// The site of the condition or the jump at which the second pixel took another branch.
     by: Option<usize>,
 }
 
-/// The hazards of a case, by their kind and the index of their site. For a derivative that only one of two pixels
-/// takes, the value contains these two pixels.
+/// The hazards of a case, by their kind and the index of their site. If only one of two pixels takes a derivative, the
+/// map's value is these two pixels.
 type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
 /// Records the operations of a run.
@@ -243,9 +244,9 @@ macro_rules! recorder {
 recorder!(F32, f32, true);
 recorder!(F64, f64, false);
 
-/// Facts about operations in each lane, from a run with intervals.
+/// Observes a run with intervals, and collects facts about the operations in each lane.
 struct Known {
-    /// For each lane, the operations that may return any value, in order. The flag says that the operation itself is
+    /// For each lane, the operations that may return any value, in order. The flag is `true` if the operation itself is
     /// the cause: its operands are narrow intervals, but WGSL has no bound for their result.
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
     /// Lanes and sites where double precision can't show which digits are lost.
@@ -260,8 +261,8 @@ fn is_wide(x: Interval, half: bool) -> bool {
     !x.is_bounded() || hi - lo > Precision::of(half).lost * lo.abs().max(hi.abs())
 }
 
-/// Checks if double precision has lost an operand that isn't 0. In that case a sum equals one of its terms, or a
-/// function of a small number returns 1.
+/// Checks if rounding in double precision makes an operand other than 0 disappear: a sum equals one of its terms, or a
+/// function of a small number, such as `cos`, returns 1.
 fn absorbs(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     match &*event.operands {
@@ -280,8 +281,8 @@ fn is_sum(event: &Event<f64>, lane: usize) -> bool {
     matches!(&*event.operands, [x, y] if value == x[lane] + y[lane] || value == x[lane] - y[lane])
 }
 
-/// Checks if double precision hides a loss of digits. Double precision hides the loss in a sum that keeps fewer than
-/// half of `f32`'s digits in double precision, and in a logarithm of 1.
+/// Checks if double precision can't show a loss of digits, because double precision loses the digits, too: in a
+/// logarithm of 1, or in a sum that is smaller than [`BLIND`] times its largest operand.
 fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     let largest = event.operands.iter().map(|x| x[lane].abs()).fold(0.0, f64::max);
@@ -291,8 +292,8 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost. In these lanes, the operation at the
-/// site subtracts nearly equal numbers, and one of the operands was computed from a number that a sum had absorbed.
+/// The lanes and sites where double precision can't show which digits are lost. There, an operand comes from an
+/// operation that [`absorbs`] a number, and the operation itself loses digits ([`is_blind`]).
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
@@ -314,14 +315,14 @@ fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     blind
 }
 
-/// The number of unbounded operations to keep for a lane. The report has the first of these operations that the caller
+/// The number of unbounded operations that Karat keeps for each lane. Karat reports the first of them that the caller
 /// doesn't ignore.
 const KEPT: usize = 16;
 
-/// Checks if an operation loses digits, compared with the same operation in double precision.
+/// A function that checks if an operation loses digits, compared with the same operation in double precision.
 type Loses<'l> = &'l dyn Fn(&Event<f32>, &Event<f64>) -> bool;
 
-/// Checks if the caller ignores a hazard. The report then has the next hazard instead.
+/// A function that checks if the caller ignores a hazard. Then Karat reports the next hazard of the same kind instead.
 pub(crate) type LeftOut<'l> = &'l (dyn Fn(&Found) -> bool + Sync);
 
 impl Observer<Intervals> for Known {
@@ -373,8 +374,8 @@ impl<F> Recorder<F> {
     }
 }
 
-/// Pairs the events (recorded operations) of a lane with the events of another run. The two events of a pair are the
-/// same operation in the same repetition of a loop.
+/// Pairs the events (recorded operations) of a lane with the events of another run. The two events of a pair come from
+/// the same operation in the same iteration of a loop.
 struct Twins<'e> {
     by_site: BTreeMap<usize, VecDeque<&'e Event<f64>>>,
 }
@@ -433,7 +434,7 @@ impl Interpreted {
         Ok(found)
     }
 
-    /// Checks if a case is still in a loop after `rounds` rounds, so that the loop may never end.
+    /// Checks if a case is still in a loop after `rounds` iterations, so that the loop may never end.
     pub fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
         let options = Options { fuel: rounds, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {
@@ -524,7 +525,7 @@ impl Interpreted {
         Ok(Hazards { cases: each, cut, reached: self.good(reach, &single) })
     }
 
-    /// For each site, the number of cases that reached it with finite operands.
+    /// For each site, the number of cases that reached the site with finite operands.
     fn good(&self, reach: Reach, events: &[Event<f32>]) -> BTreeMap<usize, usize> {
         // For each site and lane, `true` if every run of the operation had an operand that isn't finite.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
@@ -549,7 +550,8 @@ impl Interpreted {
         reach.cases().into_iter().map(of_site).collect()
     }
 
-    /// For each kind, the first operation of a lane that is at fault.
+    /// The operations of a lane that cause NaN, infinities or lost digits. For each kind, the list ends with the first
+    /// operation that `left_out` doesn't ignore.
     fn born(
         &self,
         single: &[Event<f32>],
@@ -574,7 +576,7 @@ impl Interpreted {
         found.into_iter().chain(lost).collect()
     }
 
-    /// Like [`born`](Self::born), with a given test for lost digits.
+    /// Like [`born`](Self::born), but the caller's function `loses` checks for lost digits.
     fn born_of(
         &self,
         single: &[Event<f32>],
@@ -637,7 +639,8 @@ impl Interpreted {
         places.into_iter().collect()
     }
 
-    /// The names of the quad's pixels, and the position where their branches parted.
+    /// The names of both pixels, and the position at which they took different branches. `first` is the index of the
+    /// quad's first pixel.
     fn missing(&self, first: usize, Parted { pixels, by }: Parted) -> Missing {
         const NAMES: [&str; quads::PIXELS] = [
             "the pixel at the quad's upper left",
@@ -658,7 +661,8 @@ fn loses(event: &Event<f32>, twin: &Event<f64>, lane: usize) -> bool {
     loses_all(event, twin, lane, twin.values[lane].abs())
 }
 
-/// Checks if an operation loses more than half of its operands' digits, as part of a result of this `size`.
+/// Checks if an operation loses more than half of its operands' digits. The loss doesn't count if `size` is below the
+/// rounding errors of the operands.
 fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> bool {
     let error = |x: f32, y: f64| (f64::from(x) - y).abs() / y.abs();
     let (value, shadow) = (event.values[lane], twin.values[lane]);

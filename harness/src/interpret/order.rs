@@ -5,19 +5,19 @@ use karat_engine::{Actor, Atomics, Options, Priorities, Schedule, Stores};
 use super::dispatch::{Prepared, options};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 
-/// The subgroup size by default.
+/// The subgroup size in the usual order.
 pub const SUBGROUP: u32 = Schedule::SUBGROUP;
 
 /// The other subgroup sizes of WebGPU devices.
 pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 
-/// The largest number of invocations in a pass for which an order decides separately when each invocation runs. In
-/// larger passes, groups of [`TOGETHER`] neighbouring invocations run together, which takes an eighth of the time.
+/// If the passes have at most this number of invocations, each invocation runs alone in sampled orders. In larger
+/// passes, groups of [`TOGETHER`] neighbouring invocations run together, which takes an eighth of the time.
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
-/// The number of turns for which a waiting invocation spins, in some orders, before other invocations run. A loop with
-/// a limit of a thousand rounds reaches its limit within this number of turns.
+/// In some sampled orders, invocations may wait in loops for this number of turns before others run. In a turn, an
+/// invocation runs up to its next atomic. So a loop that retries at most a thousand times gives up.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations in several passes.
@@ -32,7 +32,8 @@ impl OrderOf {
         Self { of_pass: vec![Schedule { subgroup, ..Schedule::default() }; passes.passes.len()] }
     }
 
-    /// The order in which the explorer ran the passes. `turns` lists, for each pass, which invocation took each turn.
+    /// The order in which the explorer ran the passes. For each pass, `turns` lists the invocations (or their late
+    /// stores) in the order in which they ran.
     pub(super) fn of_turns(turns: Vec<Vec<Actor>>, stores: Stores) -> Self {
         let of = |turns| Schedule { turns, stores, ..Schedule::one_by_one() };
         Self { of_pass: turns.into_iter().map(of).collect() }
@@ -40,7 +41,7 @@ impl OrderOf {
 
     /// The sampled order `number`. The first orders run invocations one by one, backwards, in turn, and shuffled. In
     /// later orders, one or two invocations of each pass wait for a long time before one of their atomics. In half of
-    /// these later orders, other invocations may see a store late.
+    /// these later orders, other invocations may see an atomic store late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
@@ -89,7 +90,7 @@ impl OrderOf {
         self.of_pass.iter().map(|own| own.subgroup).find(|own| *own != SUBGROUP).unwrap_or(SUBGROUP)
     }
 
-    /// Simpler orders to try. Each simpler order lacks one of the differences between this order and the usual order.
+    /// Simpler orders. Each of them lacks one of the differences between this order and the usual order.
     pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
         let usual = Schedule::default();
         let of_one = self.of_pass.iter().enumerate().flat_map(move |(at, own)| {
@@ -120,7 +121,7 @@ impl OrderOf {
         })
     }
 
-    /// The passes with another order than the usual one, and their indices.
+    /// The passes whose order isn't the usual one, each with its order.
     pub(crate) fn passes<'p>(
         &'p self,
         passes: &'p Passes,
@@ -136,7 +137,7 @@ impl OrderOf {
         self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
     }
 
-    /// The first words of the headline of a finding that occurs in this order, but not in the usual order.
+    /// The first words of a finding's headline, if the usual order doesn't show the finding: `in another order`.
     pub(super) fn headline(&self) -> String {
         match self.is_of_size() {
             true => format!("in subgroups of {}", self.subgroup()),
@@ -232,7 +233,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
 
-/// The number of orders that a runner tried. `all` is `true` if no untried order has other effects.
+/// The number of orders that a runner tried. `all` is `true` if all other orders would give the same results.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
     /// The number of tried orders, without the usual order.

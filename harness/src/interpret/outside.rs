@@ -1,8 +1,9 @@
 //! Decides if reads and writes outside of arrays change a result.
 //!
 //! WGSL allows a read outside of an array to return any element or zero. WGSL allows a write outside of an array to
-//! change any element, or nothing (6.4.4). A read matters if another returned value changes the data that passes write.
-//! To judge reads, Karat changes the value of one read, or the values of all reads outside of arrays.
+//! change any element, or nothing (6.4.4). A read outside of an array matters if the passes write other data when the
+//! read returns another value. To find out, Karat runs the passes again, and changes the value of one such read, or of
+//! all such reads.
 
 use karat_engine::{Choice, Elsewhere, Options, Outside};
 
@@ -12,9 +13,8 @@ use crate::dispatch::DispatchError;
 /// The largest number of times that Karat runs the passes to judge the reads of one pass.
 const MOST_RUNS: usize = 64;
 
-/// Other values that a read may return, the most useful first. If there are few reads, Karat tries more elements.
-/// An element may be a kind or a flag, which shaders compare with small numbers. Then only one of the elements may
-/// change the result.
+/// Values that a read may return, the most useful first. If there are few reads, Karat tries more of these values. In
+/// an array of kinds or flags, perhaps only one of the elements changes the result.
 const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Number(0),
     Elsewhere::Nth(0),
@@ -26,7 +26,7 @@ const OTHERS: [Elsewhere; 7] = [
 ];
 const LEAST: usize = 3;
 
-/// Other values that a read may return if contents are generated. Elements of generated contents may be any number.
+/// Values that a read may return from generated contents, whose elements may be any number.
 const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(0),
     Elsewhere::Number(47),
@@ -39,14 +39,15 @@ const ANY: [Elsewhere; 6] = [
 /// The effect of a pass's reads outside of arrays on its result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// The numbers of the reads that change the result even if every other read returns its usual value.
+    /// The numbers of the reads that change the result while every other read returns its usual value.
     pub(super) alone: Vec<u32>,
     /// `true` if no single read changes the result, but the result changes if all reads return other values.
     pub(super) together: bool,
     pub(super) untried: usize,
 }
 
-/// Judges the reads of the pass `number`. `made_up` says that contents are generated.
+/// Finds out which of the `reads` outside of arrays in the pass `number` change the results. `made_up` is `true` if
+/// contents are generated.
 pub(super) fn matter(
     prepared: &Prepared<'_>,
     (number, made_up): (usize, bool),
@@ -91,8 +92,8 @@ pub(super) fn matter(
     Ok(all)
 }
 
-/// For passes over generated contents: the values that all reads outside of arrays return in one run, one choice for
-/// each run. Writes outside of arrays have no effect.
+/// The choices to try, one in each run: the value that all reads outside of arrays return. Writes outside of arrays
+/// then change nothing.
 pub(super) fn choices() -> impl Iterator<Item = Choice> {
     ANY.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
 }

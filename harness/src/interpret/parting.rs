@@ -1,4 +1,4 @@
-//! Finds the first operation that an order of invocations changes.
+//! Finds the first operation that returns another value in an unusual order of invocations.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -11,7 +11,8 @@ use crate::diagnostic::Span;
 use crate::dispatch::Passes;
 use crate::value::{Scalar, format_lane};
 
-/// The largest number of recorded results in a pass: 16 MiB. The first difference comes early.
+/// The largest number of results that Karat records in a pass. These take 24 MiB. The first difference between two
+/// orders usually comes early.
 const MOST: usize = 1 << 20;
 
 /// A value that an operation returned to an invocation during a run.
@@ -63,9 +64,10 @@ const TOLD: usize = 16;
 
 #[derive(Debug, Default)]
 pub(crate) struct Turns {
-    /// A line for a message about each atomic, in order. The list is empty if there are more than [`TOLD`] atomics.
+    /// For each atomic, in the order in which they run, a line of a message. The list is empty if there are more than
+    /// [`TOLD`] atomics.
     lines: Vec<String>,
-    /// A store that other invocations saw after a later atomic of the same invocation, with a note about both.
+    /// A store that other invocations saw only after a later atomic of the same invocation: its position and a note.
     pub(crate) late: Option<(Span, String)>,
 }
 
@@ -85,7 +87,7 @@ impl Turns {
     }
 }
 
-/// The atomics of passes in one order, sorted by the time at which they take effect.
+/// Runs passes in one order, and returns their atomics, sorted by the time at which they take effect.
 pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
     let mut all = Turns::default();
     let (mut number, mut count) = (0, 0);

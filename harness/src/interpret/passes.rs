@@ -1,4 +1,4 @@
-//! Finds hazards in compute passes: operations with finite operands and a result that isn't finite.
+//! Finds hazards in compute passes, such as operations that turn finite operands into NaN or infinity.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
@@ -15,8 +15,8 @@ use crate::value::Scalar;
 
 struct Operation {
     operands: Vec<f32>,
-    /// For a derivative: the pixel of the quad that doesn't take the derivative, and the index of the site at which
-    /// that pixel took another branch.
+    /// For a derivative that one pixel of a quad doesn't take: the index of that pixel, and the site at which that
+    /// pixel took another branch.
     missing: Option<(usize, Option<usize>)>,
     invocations: BTreeSet<usize>,
 }
@@ -24,7 +24,7 @@ struct Operation {
 /// Records the operations with hazards in a pass, by the index of their site and by the kind of hazard.
 struct Recorder {
     all: Mutex<BTreeMap<(usize, Kind), Operation>>,
-    /// The invocations that reach each site, if the caller needs them.
+    /// The invocations that reach each site; `None` if the caller doesn't need these invocations.
     reach: Option<Reach>,
 }
 
@@ -85,11 +85,11 @@ impl Observer<F32> for Recorder {
 pub struct FoundInPass {
     /// The hazard and its position.
     pub found: Found,
-    /// The name of the first invocation.
+    /// The name of the first invocation in which the hazard occurs.
     pub invocation: String,
-    /// The indices of all invocations.
+    /// The indices of all invocations in which the hazard occurs.
     pub invocations: BTreeSet<usize>,
-    /// The position of the operation's statement. The sanitizer names accesses by their statements.
+    /// The position of the statement that contains the operation. The sanitizer reports accesses at this position.
     pub statement: Option<String>,
 }
 
@@ -98,16 +98,16 @@ pub struct FoundInPass {
 pub struct Operations {
     /// The operations that have hazards.
     pub wrong: Vec<FoundInPass>,
-    /// The indices of the invocations that reach each operation, by position.
+    /// The indices of the invocations that reach each operation, by the operation's position in the source file.
     pub reached: BTreeMap<String, BTreeSet<usize>>,
 }
 
-/// The hazards in a test's passes, in `f32`.
+/// The hazards in the passes of a test.
 pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
     Ok(watched(passes, &options(), false)?.wrong)
 }
 
-/// The hazards in passes over generated resources.
+/// The hazards in passes over generated resources, and the invocations that reach each operation.
 pub fn operations(passes: &Passes) -> Result<Operations, DispatchError> {
     watched(passes, &made_up_options(), true)
 }

@@ -1,4 +1,4 @@
-//! Turns cases into quads of four pixels.
+//! Turns cases into quads: 2 x 2 neighbouring pixels, between which a shader takes derivatives.
 
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
@@ -8,10 +8,10 @@ pub(super) const PIXELS: usize = 4;
 
 #[derive(Debug)]
 pub(super) struct Quads {
-    /// The scalars of each argument at one pixel. The flag says that the argument varies between pixels.
+    /// For each argument, its scalars at one pixel, and `true` if the argument varies between pixels.
     arguments: Vec<(Vec<Scalar>, bool)>,
-    /// The pixel that returns results. `Some` if a row has the arguments of all four pixels. `None` if a row has the
-    /// arguments of the first pixel and their slopes: then the first pixel returns results.
+    /// The pixel whose results count, if rows have the arguments of all four pixels. `None` if rows have the first
+    /// pixel's arguments and slopes (differences to its neighbours): then the first pixel's results count.
     pub(super) own: Option<usize>,
 }
 
@@ -24,15 +24,15 @@ impl Quads {
         Self { arguments: function.parameters.iter().map(of).collect(), own: None }
     }
 
-    /// Marks in `open` the numbers of the results that change if all slopes are a little steeper or flatter.
+    /// Sets `open` to `true` for each scalar of the results that changes if all slopes are a little steeper or flatter.
     pub(super) fn open<E>(
         &self,
         rows: &[u32],
         open: &mut [bool],
         results: impl Fn(&[u32]) -> Result<Vec<u32>, E>,
     ) -> Result<(), E> {
-        /// Factors by which the slopes are multiplied. They change the mip level by about a third (log2 of 1.25). A
-        /// driver's mip level may differ from the exact mip level by this amount.
+        /// Factors by which the slopes are multiplied. These factors change the mip level by about a third (log2 of
+        /// 1.25). A driver's mip level may differ from the exact mip level by this amount.
         const SLOPES: [f32; 2] = [0.8, 1.25];
         let usual = results(rows)?;
         for factor in SLOPES {
@@ -60,8 +60,8 @@ impl Quads {
         words.map(scaled).collect()
     }
 
-    /// The arguments of each of the four pixels of a quad, one pixel after another. If rows contain slopes, the other
-    /// pixels' arguments are computed in the same way as in the kernel.
+    /// The arguments of each of the four pixels of a quad, one pixel after another. If rows contain slopes, this
+    /// function computes the other pixels' arguments with the same formula as the shader that drivers run.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
         if self.own.is_some() {
             return rows.to_vec();

@@ -1,5 +1,5 @@
-//! Runs passes in one order of invocations after another. Each run returns the passes' results, and the violations in
-//! this order.
+//! Runs passes in several orders of invocations, one after another. Each run returns the passes' results, and the
+//! violations that no earlier run showed.
 
 use karat_engine::{Atomics, Explorer, Options, Schedule, Stores};
 
@@ -12,8 +12,7 @@ use crate::settings;
 /// The number of orders to sample, if there are too many orders to try all of them.
 const DRAWN: u64 = 16;
 
-/// The largest number of orders when the runner tries all orders, and the largest number of invocations in all these
-/// runs together.
+/// Limits for trying all orders: the number of orders, and the number of invocations in all these runs together.
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
@@ -21,23 +20,23 @@ const MOST_INVOCATIONS: u64 = 1 << 20;
 /// 4,096 runs of 22 turns each.
 const MOST_WORK: u64 = 1 << 20;
 
-/// If the base-2 logarithm of the estimated number of orders is at most this number, the runner tries all orders. The
-/// estimate is an upper bound, far above the real number.
+/// The runner tries all orders only if the estimated number of orders is at most 2 to the power of this number. The
+/// estimate is far above the real number.
 const MOST_LIKELY: f64 = 24.0;
 
-/// The number of turns in all runs after which no further order is sampled, and the largest number of turns in one
-/// order. A million turns take a second.
+/// After `MOST_TURNS` turns in all runs together, the runner samples no further order. In one order, at most
+/// `TURNS_OF_ONE` turns run. In a turn, an invocation runs up to its next atomic. A million turns take a second.
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 
-/// The number of orders to sample before trying all orders. The findings of sampled orders are simpler to describe.
+/// The number of orders to sample before trying all orders. Findings in sampled orders are simpler to describe.
 const SIMPLE: u64 = 3;
 
 /// One run of passes in one order.
 pub struct Run {
     /// The order of the run. `None` stands for the usual order.
     pub order: Option<OrderOf>,
-    /// The data that the passes write. It is `None` if a loop didn't end, or if some passes didn't run.
+    /// The data that the passes write. `None` if a loop didn't end, or if some passes didn't run.
     pub left: Option<Afterwards>,
     /// The findings that no earlier run had.
     pub(crate) examined: Examined,
@@ -48,7 +47,7 @@ enum Next {
     /// The usual order with another subgroup size: the index of this size in [`SUBGROUPS`].
     Size(usize),
     Drawn(u64),
-    /// All orders, with stores that take effect either at once or late.
+    /// All orders, one after another. Atomic stores take effect either at once or late.
     All(Box<Explorer>, Stores),
     End,
 }
@@ -68,7 +67,8 @@ pub struct Runner<'p> {
 }
 
 impl<'p> Runner<'p> {
-    /// Makes a runner, which begins with the usual order. That run counts the invocations.
+    /// Makes a runner, which begins with the usual order. That run counts the atomics, from which the runner estimates
+    /// the number of orders.
     pub fn new(passes: &'p Passes) -> Self {
         Self {
             passes,
@@ -92,7 +92,7 @@ impl<'p> Runner<'p> {
         self.tried
     }
 
-    /// Stops the attempt to try all orders, because a violation was found.
+    /// Tells the runner about a violation. The runner then no longer tries all orders.
     pub(crate) fn found(&mut self) {
         self.explores = false;
     }
@@ -128,7 +128,8 @@ impl<'p> Runner<'p> {
         next
     }
 
-    /// The next run while the runner tries all orders. After the last order, the runner tries another kind of run.
+    /// The next run while the runner tries all orders. After the last order, continues with late stores or sampled
+    /// orders, or ends.
     fn explored(&mut self, mut explorer: Box<Explorer>, stores: Stores) -> Option<Run> {
         loop {
             let spent = self.runs * self.passes.invocations();

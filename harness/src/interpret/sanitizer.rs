@@ -19,21 +19,22 @@ use crate::output::{counted, headline};
 use crate::probe::ProbeError;
 use crate::reflect::{BindingKind, Dimension, Program};
 
-/// The largest number of invocations that are all run. In larger passes, only some workgroups of the first large pass
-/// run.
+/// If passes have at most this number of invocations together, the sanitizer runs all of them. At the first pass beyond
+/// this limit, the sanitizer runs only some workgroups, and then stops.
 const WHOLE: u64 = 1 << 16;
 
 /// The number of workgroups to run in a pass that is too large: the first one, the last one, and others that depend on
 /// the pass's name.
 const SOME: usize = 64;
 
-/// The engine's options for passes over generated resources, which limit the iterations of loops: a loop may read any
-/// number as its limit. Useful limits are some hundreds. A million iterations in all invocations together take seconds.
+/// The engine's options for passes over generated resources. They limit the iterations of loops, because a loop may
+/// read its number of iterations from generated data. Useful numbers are some hundreds. A million iterations in all
+/// invocations together take seconds.
 pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
 
-/// Runs passes over generated resources, and returns the findings like [`examine`].
+/// Runs passes over generated resources like [`examine`], and also in sampled orders.
 pub fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
@@ -42,12 +43,12 @@ pub fn examine_made_up(passes: &Passes) -> Examined {
 /// invocations stall.
 const ORDERS_MADE_UP: u64 = 8;
 
-/// The largest number of turns in one of these orders. In a turn, one invocation runs. 65,536 turns take some
-/// hundredths of a second. Karat tries a dozen sets of contents with eight orders each.
+/// The largest number of turns in one of these orders. In a turn, one invocation runs up to its next atomic. 65,536
+/// turns take some hundredths of a second. Karat tries a dozen sets of contents with eight orders each.
 const TURNS_MADE_UP: usize = 1 << 16;
 
-/// Runs passes in the usual order, with the usual and the smallest subgroup size, and returns the findings. The result
-/// also names the passes that the engine can't execute.
+/// Runs passes in the usual order, with the usual and the smallest subgroup size, and returns the findings. If the
+/// engine can't execute all passes, the result has the reason.
 pub fn examine(passes: &Passes) -> Examined {
     examine_with(passes, &options(), false)
 }
@@ -98,7 +99,7 @@ pub(super) struct Known {
     /// `true` if resources have generated contents.
     made_up: bool,
     violations: Vec<Violation>,
-    /// The operations with indices outside of their arrays, each with its pass.
+    /// The operations that use an index outside of an array: the index of the pass, and the number of the operation.
     outside: BTreeSet<(usize, u32)>,
     pub(super) races: bool,
     pub(super) turns: u64,
@@ -121,18 +122,18 @@ impl Known {
 }
 
 pub(super) enum Ways<'w> {
-    /// One order that the caller chose. `None` stands for the usual order.
+    /// Runs in an order that the caller chose. `None` stands for the usual order.
     Ordered(Option<&'w OrderOf>, &'w Options),
-    /// The next order that an explorer tries. After the run, the function makes an [`OrderOf`] from the turns that the
-    /// explorer recorded.
+    /// Runs in the next order of an explorer, which tries all orders. After the run, the function returns the order in
+    /// which the explorer ran the passes.
     Explored(&'w Options, &'w mut Explorer, &'w dyn Fn(&Explorer) -> OrderOf),
 }
 
 /// Runs passes in an order. Adds the findings that no earlier run had. Returns the data that the passes write, or
 /// `None` if some passes didn't run.
 ///
-/// In another order than the usual one, a loop may not end, because WGSL promises no progress. The findings before that
-/// loop still count.
+/// In an unusual order, a loop may run forever, because WGSL doesn't promise that every invocation makes progress.
+/// Findings before such a loop still count.
 pub(super) fn observe(
     prepared: &Prepared<'_>,
     mut ways: Ways<'_>,
@@ -308,8 +309,8 @@ fn run(
     Ok(left)
 }
 
-/// Checks if the passes' results depend on blank buffers. It fills the buffers with the integer 1, and then with the
-/// float 1.
+/// Checks if the passes' results depend on the initial contents of blank buffers. Runs the passes again, with the
+/// integer 1 and then with the float 1 in all elements of these buffers.
 fn depends_on_blank(
     prepared: &Prepared<'_>,
     (held, left): (&Resources, &Afterwards),
@@ -446,7 +447,7 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         )
     } else {
         format!(
-            "only barriers order the invocations of a workgroup: put a `{barrier}()` between both accesses"
+            "only barriers order the invocations of a workgroup: put a `{barrier}()` between the two accesses"
         )
     };
     let one = |access: &Access, at: usize| {
@@ -460,8 +461,8 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     (Violation { variable, element, advice: note, ..violation }, diagnostic)
 }
 
-/// Checks if the access that ran first is later in the function's text. A loop then surrounds both accesses. Across
-/// functions, the order in the text means nothing.
+/// Checks if the access that ran first is later in the function's text: then a loop surrounds both accesses, or the
+/// function was called again. Returns `false` for accesses in different functions.
 fn is_behind(first: &Access, second: &Access) -> bool {
     if first.site.function != second.site.function {
         return false;
@@ -470,7 +471,8 @@ fn is_behind(first: &Access, second: &Access) -> bool {
     first.zip(second).is_some_and(|(first, second)| first.start >= second.end)
 }
 
-/// The path of an element in its variable, and its values.
+/// The path of the element at a byte offset of a variable, such as `[3].x`, and `words` as values of the element's
+/// type.
 fn element<const N: usize>(
     program: &Program,
     variable: &str,
@@ -483,14 +485,14 @@ fn element<const N: usize>(
     }
 }
 
-/// The names of a variable and of the element at a path, as in the source file.
+/// The names of a variable and of its element at `path`, as in the source file.
 fn named(program: &Program, variable: &str, path: &str) -> (String, String) {
     let variable = program.author_path(variable).unwrap_or(variable).to_owned();
     let element = format!("{}{path}", variable.rsplit("::").next().unwrap_or(&variable));
     (variable, element)
 }
 
-/// Checks if an access is inside another access's statement. No barrier can be between them.
+/// Checks if an access is inside another access's statement. No barrier can be between two such accesses.
 fn is_within(one: &Access, other: &Access) -> bool {
     let ranges = [one, other].map(|access| access.site.span.to_range());
     let [Some(one), Some(other)] = ranges else { return false };
@@ -523,8 +525,8 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     (Violation::new(&pass.name, Kind::Barrier, told, accesses.map(access).into()), diagnostic)
 }
 
-/// The violation for an index outside of an array. If `others` isn't empty, the index matters only together with these
-/// other indices.
+/// The violation for an index outside of an array. `others` isn't empty if the index changes the results only together
+/// with these other indices.
 fn of_outside(
     examining: &Examining<'_>,
     one: &Outside,
@@ -638,7 +640,7 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     if let Some(span) = &place {
         diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
     }
-    let note = "WGSL initialises workgroup memory with zeros (*var Declarations*), but engines can turn this off to save \
+    let note = "WGSL initialises workgroup memory with zeros (*var Declarations*), but a program can turn this off in wgpu to save \
                 time: write the initial value, and then call `workgroupBarrier()`";
     let diagnostic = diagnostic.note(note);
     let accesses = vec![access((place, invocation, does))];
@@ -646,7 +648,7 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     (Violation { variable, element, ..violation }, diagnostic)
 }
 
-/// An access for a message: its position, the name of the invocation, and a verb such as `reads`.
+/// An access for a message: its position, the name of the invocation, and a predicate such as `reads 3.5`.
 type Action = (Option<Span>, String, String);
 
 fn access((span, invocation, does): Action) -> ViolationAccess {
@@ -698,8 +700,7 @@ mod tests {
             if id.x == 0u || id.x + 1u == arrayLength(&data) { data[7] = id.x; }
         }";
 
-    /// The sanitizer runs passes one after another, each with all its workgroups, as long as their number is below the
-    /// limit.
+    /// The sanitizer runs passes one after another, each with all its workgroups, if there aren't too many invocations.
     #[test]
     fn passes_are_ordered_and_run_whole() {
         let examined = examined(TEXT, &[("fill", 2), ("ends", 1)], 128);
@@ -709,7 +710,7 @@ mod tests {
     }
 
     /// In a pass that is too large, the sanitizer runs only some workgroups, among them the first one and the last one.
-    /// It runs no later pass.
+    /// Later passes don't run.
     #[test]
     fn a_large_pass_is_checked_in_part() {
         let groups = 2048;
@@ -734,6 +735,6 @@ mod tests {
         assert!(examined.violations.is_empty());
         let Watched { invocations, reason, .. } = examined.watched;
         assert_eq!(invocations, 0);
-        assert!(reason.contains("the engine doesn't execute"), "{reason}");
+        assert!(reason.contains("the engine doesn't support"), "{reason}");
     }
 }

@@ -7,7 +7,7 @@ use crate::path::{Path, PathError};
 use crate::probe::ProbeError;
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 
-/// Binds a fixture to a variable, by the variable's kind.
+/// Puts a fixture into the engine's resources, in the form that the variable's kind needs.
 pub(super) fn supply(
     resources: &mut engine::Resources,
     program: &Program,

@@ -1,4 +1,4 @@
-//! Traces each operation of one call in three arithmetics.
+//! Traces each operation of one call in three arithmetics: `f32`, `f64` and intervals.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -18,7 +18,7 @@ use crate::hazard::Kind;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
-/// One operation, with a value for each component.
+/// One run of an operation, with a value for each component.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Step {
@@ -30,10 +30,10 @@ pub struct Step {
     pub name: Option<String>,
     /// The value in `f32`, rounded to nearest. A conforming implementation may return this value.
     pub single: Vec<Value>,
-    /// The value in double precision. It is empty if the run in double precision takes another branch.
+    /// The value in double precision; empty if the run in double precision takes another branch.
     pub double: Vec<Value>,
-    /// The smallest and the largest value that WGSL allows for each component. `None` says that any value is allowed.
-    /// The list is empty if intervals take another branch, or if the call has no bounds.
+    /// The smallest and the largest value that WGSL allows for each component. `None` if WGSL allows any value. The
+    /// list is empty if the run with intervals takes another branch or isn't possible.
     pub allowed: Vec<Option<(Value, Value)>>,
 }
 
@@ -68,10 +68,10 @@ enum Seen {
 /// The values of operations, in the order in which they ran.
 struct Values {
     all: Mutex<Vec<(usize, Seen)>>,
-    /// Set after an index was outside of its array. WGSL allows any value for later operations.
+    /// `true` after an index was outside of its array. From then on, the trace says that WGSL allows any value.
     lost: AtomicBool,
     case: usize,
-    /// For each site (operation), the number of values to keep. With `None`, one limit applies to all sites together.
+    /// For each site (operation), the number of values to keep. `None` sets one limit for all sites together.
     most: Option<Most>,
 }
 
@@ -126,15 +126,15 @@ impl Values {
         Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
     }
 
-    /// Checks if the number of kept values of a site has reached its limit.
+    /// Checks if Karat records no further value of this site. `kept` is the number of recorded values of all sites.
     fn has_enough(&self, site: &Site, kept: usize) -> bool {
         let Some(most) = &self.most else { return kept >= 16 * MOST };
         let own = most.get(&std::ptr::from_ref(site).addr());
         own.is_none_or(|(most, seen)| seen.fetch_add(1, Ordering::Relaxed) >= *most)
     }
 
-    /// Groups the recorded values by operation. Each group has the operation's site, the number of its repetition, and
-    /// a value for each component. `components` returns the number of components at a site.
+    /// Groups the recorded values by operation. A group is one run of an operation: its site, a number that counts the
+    /// runs at this site, and a value for each component. `components` returns the number of components at a site.
     fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<Seen>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
@@ -156,7 +156,7 @@ impl Values {
 }
 
 impl Seen {
-    /// The value that a trace shows. `signed` says how to read the bits of an integer.
+    /// The value that a trace shows. `signed` is `true` if an integer is an `i32`.
     fn value(self, signed: bool) -> Value {
         match self {
             Self::Single(x) => Value::Single(x),
@@ -183,8 +183,8 @@ impl Seen {
     }
 }
 
-/// The operations of a call in `f32` and in `f64`, with WGSL's bounds. `row` has the scalars of the arguments, each as
-/// a `u32`.
+/// The operations of a call in `f32` and in `f64`, with WGSL's bounds. `arguments` has the bits of each scalar of the
+/// arguments.
 ///
 /// ```
 /// use karat::Package;
@@ -213,9 +213,9 @@ pub fn trace(
 
 /// The trace of a call at one pixel of a quad.
 pub(crate) struct Pixel {
-    /// The operations. If an operation runs often, only its first runs are kept.
+    /// The operations. If an operation runs often, `steps` has only the first runs.
     pub(crate) steps: Vec<Step>,
-    /// `true` if an operation ran more often.
+    /// `true` if an operation ran more often than `steps` shows.
     pub(crate) more: bool,
     pub(crate) results: Vec<u32>,
 }
@@ -246,8 +246,8 @@ pub(crate) fn trace_pixel(
     Ok(Pixel { steps, more, results: called.words(1, &row)? })
 }
 
-/// The arguments at one pixel, as a kernel for one pixel needs them. Each argument that varies is followed by its
-/// slopes to the right and downwards.
+/// The row of arguments for a kernel that runs at one pixel. After each argument that varies, the row has the
+/// argument's slopes to the right and downwards.
 fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     let (mut row, mut at) = (Vec::new(), 0);
     for (_, shape) in &probed.function().parameters {
@@ -267,11 +267,11 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     row
 }
 
-/// The number of runs of an operation that a reader sees. The first three iterations of a loop show how it continues.
+/// The number of runs of an operation in a pixel's trace. Three iterations of a loop show how the loop continues.
 pub(crate) const BRIEFLY: usize = 3;
 
-/// Traces one invocation of the last pass, by its `global_invocation_id`. There are no bounds, because other
-/// invocations see the data that it writes.
+/// Traces the invocation of the last pass with this `global_invocation_id`. The steps have no bounds, because the
+/// engine can't store intervals in the buffers and textures that the pass writes.
 pub(crate) fn trace_pass(
     passes: &Passes,
     invocation: [u32; 3],
@@ -327,8 +327,8 @@ impl Traced for OfPass<'_> {
     }
 }
 
-/// Code to trace in each arithmetic: a function, or a kernel that writes buffers. Buffers have single precision in
-/// every arithmetic.
+/// Code that Karat can trace in each arithmetic: a function, or a kernel that writes buffers. Buffers always contain
+/// `f32`, even if the operations use `f64`.
 pub(super) trait Traced {
     fn run<A: Runs>(&self, row: &[u32], observer: &dyn Observer<A>) -> Result<(), ProbeError>;
 
@@ -345,8 +345,8 @@ impl Traced for Interpreted {
     }
 }
 
-/// The operations of a call, in the order in which they run. In a quad, the operations of one pixel. Returns only the
-/// first `runs` runs of each operation. The flag is `true` if an operation ran more often.
+/// The operations of a call, in the order in which they run. In a quad, only the operations of the pixel `case`.
+/// Returns the first `runs` runs of each operation, and `true` if an operation ran more often.
 fn steps(
     traced: &impl Traced,
     row: &[u32],

@@ -21,8 +21,9 @@ impl Observer<F32> for Evaluations {
     }
 }
 
-/// The number of operations in the longest of a few calls. The calls run together. In a quad, each pixel is counted
-/// separately. Returns `None` if the loops take too many iterations.
+/// Estimates the number of operations in a call. Calls run together, and an operation counts if any of the calls
+/// reaches it. Functions that write to outside variables run alone, and the mean of their calls counts. In a quad, each
+/// pixel is counted separately. Returns `None` if the loops take too many iterations.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -51,8 +52,9 @@ pub fn evaluations(
     }
 }
 
-/// The calls in which a loop takes more than 4,096 iterations, in single or in double precision, each with its loop. If
-/// every loop has a bound, the list is empty, because such loops end.
+/// The calls whose loops take more than 4,096 iterations, each with the loop in which the engine stopped the call. Most
+/// functions also run in double precision, where a loop may take more iterations. The list is empty if the number of
+/// iterations of each loop has a known bound, because such loops end.
 pub fn long_cases(
     probed: &Probed,
     fixtures: &Fixtures,

@@ -15,7 +15,7 @@ use crate::reflect::{Binding, BindingKind, Program, Texels, TextureKind};
 use crate::settings;
 
 impl Job {
-    /// Makes a job with a unique number. The time limit comes from the settings.
+    /// Makes a job with a unique number. The job's time limit is the one in Karat's settings.
     pub fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
         let id = unheard_of();
         let seconds = settings::deadline().as_secs_f64();
@@ -143,7 +143,7 @@ impl Resource {
     }
 }
 
-/// The kernel of a function, with its resources. Each batch becomes one job.
+/// The kernel of a function, with its resources. Karat makes one job from each batch of cases.
 pub(crate) struct KernelJobs {
     probed: Probed,
     /// The resources that the function uses. `bindings` contains the binding of each resource.
@@ -182,8 +182,8 @@ impl KernelJobs {
         self.probed.program().resolve(bytes)
     }
 
-    /// Decodes the components of the written resources. `outputs` contains the job's outputs, except the first
-    /// output, which contains the results.
+    /// Decodes the components of the resources that the function wrote. `outputs` contains the job's outputs, except
+    /// the first output, which contains the results.
     pub(crate) fn written(&self, outputs: &[Vec<u32>]) -> Vec<u32> {
         let lanes = |((_, binding), words): (&(usize, Binding), &Vec<u32>)| {
             self.probed.program().lanes_of_words(binding, words)

@@ -1,4 +1,4 @@
-//! Runs a job on an executor of this process. The job's shaders are linked again first.
+//! Links a job's shaders again, then runs the job on an executor of this process.
 
 use std::borrow::Cow;
 
@@ -262,8 +262,8 @@ mod tests {
         }
     }
 
-    /// A frame keeps its state when it becomes a job and another executor draws it. In this test, each part of
-    /// the state differs from its default.
+    /// A frame that another executor draws as a job keeps its settings: its size, blending, formats. In this test,
+    /// each setting differs from its default.
     #[test]
     fn a_frame_keeps_its_state() {
         let text = "@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
@@ -298,7 +298,7 @@ mod tests {
         assert_ne!(*seen.borrow(), usual);
     }
 
-    /// A problem has the number of its pass, and a byte range in the pass's text.
+    /// A problem in a job's reply has the number of the invalid pass, and a byte range in that pass's text.
     #[test]
     fn a_problem_of_a_job_names_its_pass_and_byte_range() {
         let mut job: Job = serde_json::from_str(JOB).expect("it is a job");

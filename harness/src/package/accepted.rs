@@ -46,7 +46,7 @@ pub struct AcceptedMutants {
 pub struct KnownRows {
     /// The functions: `brdf::schlick`.
     pub rows: Vec<String>,
-    /// The columns of the matrix to which the entry applies, or selectors of paths.
+    /// The columns of the matrix to which the entry applies, by name or by a selector of paths.
     pub columns: Vec<String>,
     /// The status that the rows don't reach: `"valid"`.
     pub status: String,

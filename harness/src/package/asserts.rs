@@ -1,27 +1,28 @@
 //! Assertions and prints in a shader: `//karat: assert x >= 0.0` and `//karat: print x`, each on a line of its own.
 //!
-//! The program that loads the shader sees only comments in these lines. Karat replaces the comment by a variable and a
-//! `let`, so the shader's own control flow decides whether the value is computed. The number of lines stays the same.
-//! Karat maps positions in the new text back to the author's text. In WESL, an author may also write `@if(karat)
-//! assert(x >= 0.0);`.
+//! To the program that loads the shader, these lines are comments. Karat replaces the comment by a variable and a
+//! `let`, so the shader's own control flow decides whether the value is computed. The number of lines stays the
+//! same. Karat maps positions in the new text back to the author's text. In WESL, an author may also write
+//! `@if(karat) assert(x >= 0.0);`.
 
 use super::PackageError;
 use crate::diagnostic::{SourceFile, Span, Value, nearest};
 
-/// The prefix of the names of the generated `let`s. The number of the line follows.
+/// The prefix of the generated `let`s' names. For line 12, the name is `karat_assert_12`.
 pub(crate) const ASSERTED: &str = "karat_assert_";
 pub(crate) const PRINTED: &str = "karat_print_";
 
-/// The prefix of the names of the generated variables. The number of the line follows. The variable makes each
-/// value a separate operation.
+/// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The variable makes the
+/// expression's value a separate operation.
 pub(crate) const HOLDER: &str = "karat_value_";
 
-/// The text with which an assertion or a print in a comment begins.
+/// The first text in a comment with an assertion or a print.
 const COMMENT: &str = "karat:";
 const CONDITION: &str = "@if(karat)";
 const CONDITION_HEAD: &str = "@if(karat";
 
-/// A line with an assertion or a print: its verb, the text before the expression, and the expression.
+/// A line with an assertion or a print: the command `assert` or `print`, the text before the expression, and the
+/// expression.
 struct Line<'l> {
     verb: Verb,
     head: &'l str,
@@ -56,7 +57,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
         let returned = previous.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
         if returned.is_some_and(|rest| rest.ends_with(';')) {
-            return Err(wrong("this line comes after a `return`, so it never runs".to_owned()));
+            return Err(wrong("this line comes after a `return`, so it never runs: move the line above the `return`".to_owned()));
         }
         let indent = line.len() - line.trim_start().len();
         let (before, behind) = line[indent + head.len()..]
@@ -138,8 +139,7 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Checks if the author probably meant an assertion or a print: the comment names Karat and a verb, but not in the
-/// required form.
+/// Checks if the author probably meant an assertion or a print, but used a wrong form, such as `//karat print x`.
 fn is_meant(line: &str) -> bool {
     let Some(at) = line.find("//") else { return false };
     let lower = line[at..].trim_start_matches('/').trim_start().to_ascii_lowercase();
@@ -149,8 +149,7 @@ fn is_meant(line: &str) -> bool {
     lower.starts_with(COMMENT) || verbs.iter().any(|verb| rest.starts_with(verb))
 }
 
-/// Checks if the text is one expression: it contains no end of a statement and no start of a comment, and its brackets
-/// match.
+/// Checks if the text is one expression: the text contains no `;`, no brace and no `/*`, and its brackets match.
 fn is_one(expression: &str) -> bool {
     let mut open = Vec::new();
     let mut paired = true;
@@ -196,8 +195,8 @@ impl Verb {
     }
 }
 
-/// Combines the lists of ranges that Karat replaced in a text in two steps, into one list. The ranges of `inner` refer
-/// to the text before the second replacement.
+/// Merges two lists of replaced ranges of a text. Karat replaced the ranges of `inner` first, so these ranges refer
+/// to the text before Karat replaced the ranges of `outer`.
 pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     let (mut all, mut shift, mut outer) = (Vec::new(), 0_isize, outer.into_iter().peekable());
     let moved = |at: usize, shift: isize| at.checked_add_signed(shift).expect("it is in the text");
@@ -288,7 +287,7 @@ mod tests {
         }
     }
 
-    /// If Karat replaces both values and a print in a text, positions still refer to the author's text.
+    /// If Karat replaces a print and the values of features in a text, positions still refer to the author's text.
     #[test]
     fn places_beside_a_print_comment_are_those_of_the_source() {
         let written = "N;\n//karat: print N + x\nN N\n";

@@ -19,25 +19,25 @@ use crate::diagnostic::{nearest, shown};
 use crate::settings;
 use metadata::Metadata;
 
-/// Version of the stored data. Increase the version if the form or the meaning of the data changes.
+/// The version of the data that Karat stores. Increase the version if the form or the meaning of the data changes.
 const SCHEMA: u32 = 3;
 
-/// The deepest nesting of folders that Karat searches. No crate has such deep folders.
+/// The deepest nesting of folders that Karat searches. The folders of real crates are less deep.
 const DEEPEST: usize = 16;
 
 /// The name of the temporary project for which cargo resolves the version of a crate.
 const ASKING: &str = "shaders-of-a-version";
 
-/// Shaders may import from crates on which no crate depends. Karat adds these crates to the project, and then asks
-/// cargo again. Karat asks cargo at most this many times.
+/// Shaders may import from crates on which no crate depends. Karat adds these crates to the temporary project, and
+/// then asks cargo again. Karat asks cargo at most this many times.
 const ROUNDS: usize = 4;
 
 #[derive(Debug, Deserialize, Serialize)]
 pub(super) struct Graph {
     crates: Vec<Crate>,
     others: BTreeSet<String>,
-    /// The manifests of crates beside the project, each with its hash. Unlike the manifests of published crates, these
-    /// manifests may change.
+    /// The manifests of the crates in local folders, each with its hash. Unlike the manifests of published crates,
+    /// these manifests may change.
     local: BTreeMap<PathBuf, String>,
 }
 
@@ -61,7 +61,7 @@ pub(super) struct Crate {
 pub(super) struct Found {
     graph: Arc<Graph>,
     index: usize,
-    /// Module folders that replace the crates' own folders, by the indices of the crates.
+    /// For some crates, by their index: a module folder that replaces the crate's own `root`.
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
@@ -88,8 +88,8 @@ impl Found {
         self.roots.get(&self.index).unwrap_or(&self.krate().root)
     }
 
-    /// A copy of this value, in which the modules of the crate `name` are in the folder `root`. `name` is this crate,
-    /// or a crate from which this crate may import.
+    /// A copy that reads the modules of the crate `name` from the folder `root`. `name` is this crate, or a crate
+    /// from which this crate may import.
     pub(super) fn with_root(&self, name: &str, root: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Crate { name: name.to_owned(), reason };
         let plain = name.replace('-', "_");
@@ -97,7 +97,7 @@ impl Found {
             let near = nearest(&plain, self.known());
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(error(format!(
-                "no crate of this name is among the dependencies with shaders of `{}`{near}",
+                "none of the crates with shaders on which `{}` depends has this name{near}",
                 self.krate().name
             )));
         };
@@ -114,8 +114,8 @@ impl Found {
         Ok(Self { roots: Arc::new(roots), ..self.clone() })
     }
 
-    /// The crate with this name: a dependency, or else the only crate of the graph with this name. A shader may name
-    /// any crate of its engine, because all crates of an engine share one name space.
+    /// The crate with this name: a dependency, or else the only crate of the graph with this name. A shader may
+    /// import from any crate of its game engine, because all crates of the game engine share one namespace.
     pub(super) fn reach(&self, name: &str) -> Option<Self> {
         let of = |index| Self { index, ..self.clone() };
         if let Some(index) = self.krate().dependencies.get(name) {
@@ -306,8 +306,8 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
 }
 
 impl Graph {
-    /// The names of crates that shaders import, but on which no crate depends. Only the imports of crates with this
-    /// version count.
+    /// The names of crates that shaders import, but on which no crate depends. Karat looks only at crates with this
+    /// version, because crates of one game engine have the same version.
     fn missing(&self, version: &str) -> BTreeSet<String> {
         let of_version = self.crates.iter().filter(|krate| krate.version == version);
         let imports = of_version.flat_map(|krate| &krate.imports);
@@ -349,7 +349,7 @@ impl Graph {
     }
 }
 
-/// The hash of a manifest, and of the folder with the shaders beside the manifest.
+/// One hash of a manifest's text, and of the path of the folder with the crate's shaders.
 fn hash_of(manifest: &Path) -> Option<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&std::fs::read(manifest).ok()?);

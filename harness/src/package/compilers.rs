@@ -8,7 +8,7 @@ use crate::diagnostic::nearest;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
-    /// `true` if a shader is invalid when Tint rejects it. If Tint isn't installed, the run then ends without a
+    /// `true` if Tint, too, must accept each shader. In that case, a run without an installed Tint ends without a
     /// verdict.
     pub(crate) require_tint: bool,
     /// Native features of wgpu that shaders use intentionally, by the names of naga's capabilities.

@@ -29,7 +29,8 @@ pub(super) struct Inactive {
     pub(super) test: bool,
 }
 
-/// The feature in a condition; `None` unless the condition is only the name of one feature: `@if(fast)`, `#ifdef FAST`.
+/// The feature in a condition that is only one feature's name: `@if(fast)`, `#ifdef FAST`. `None` for other
+/// conditions.
 pub(super) fn feature_of(condition: &str) -> Option<String> {
     let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
     let name =
@@ -42,7 +43,7 @@ pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
     pub(super) inactive: Vec<Inactive>,
-    /// The indices of the brackets that are open, without the braces of groups.
+    /// The indices of the brackets that are open, without braces such as in `@if(fast) { .. }`.
     open: Vec<usize>,
 }
 

@@ -2,13 +2,13 @@
 //!
 //! A directive isn't WGSL. Karat blanks the text that a directive removes. Karat turns an `#import` into an import
 //! statement of the same length. So each token keeps its position in the author's file. Karat doesn't use `naga_oil`
-//! itself, because `naga_oil` composes naga's IR under its own names and loses the author's lines.
+//! itself, because `naga_oil` composes naga's IR, renames declarations and loses the author's lines.
 //!
 //! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`,
 //!   `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C.
 //!   `naga_oil` itself would turn a module with a guard into an empty module.
 //! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade (`#include
-//!   "quaternion.inc.wgsl"`): an included file and the including file share one name space.
+//!   "quaternion.inc.wgsl"`): an included file and the including file share one namespace.
 
 mod ahead;
 mod foreign;
@@ -30,7 +30,7 @@ pub(super) use include::{Include, without_extension};
 
 use crate::diagnostic::{SourceFile, nearest};
 
-/// The text that remains after the directives of a file.
+/// A file after Karat processed its directives.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Directed {
     /// The text with blanks in place of directives. The remaining text keeps its positions.
@@ -41,11 +41,11 @@ pub(super) struct Directed {
     pub(super) inactive: Vec<Inactive>,
     /// The files that this file includes, each with the range of the directive that names the file.
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// The ends of statements that have no `;`.
+    /// The offsets at which an `#import` without `;` ends.
     pub(super) ends: Vec<usize>,
     /// The path that the module declares for itself by `#define_import_path`.
     path: Option<String>,
-    /// `true` if the module's imports name other modules as in `naga_oil`.
+    /// `true` if the module imports other modules by `naga_oil`'s rules.
     pub(super) composes: bool,
 }
 
@@ -129,7 +129,7 @@ struct Reader<'f> {
     guards: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,
-    /// The end of the part that the reader has processed.
+    /// The end of the text that the reader has processed.
     done: usize,
     found: Directed,
 }
@@ -164,7 +164,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Blanks the text before `end`, if its condition is false.
+    /// Blanks the text from `done` to `end`, if the condition around this text is false.
     fn blank_dead(&mut self, end: usize) {
         let from = self.done;
         if !self.is_live() && from < end {
@@ -363,7 +363,7 @@ impl Reader<'_> {
                 self.file,
                 line.clone(),
                 "an import by an asset's path",
-                "an engine's asset server",
+                "the asset server of a game engine",
             ));
         }
         // The result is an import statement of WESL with the same length. A blank replaces `#`, and the statement ends

@@ -1,9 +1,10 @@
 //! Makes functions with `discard` callable.
 //!
-//! A discarded pixel is a result, too. After `discard`, an invocation goes on as a helper, and the GPU drops its
-//! results (WGSL, *Discard Statement*). So Karat replaces the statement `discard` by an assignment to a flag. A
-//! generated function calls the author's function, and returns its result and the flag. Helpers don't write to memory
-//! either. So a function that writes to memory keeps the statement, and Karat calls it in a draw instead of a dispatch.
+//! A test may also expect that a function discards its pixel. After `discard`, an invocation goes on as a helper,
+//! and the GPU drops its results (WGSL, *Discard Statement*). So Karat replaces the statement `discard` by an
+//! assignment to a flag. A generated function calls the author's function, and returns its result and the flag. But
+//! helpers don't write to memory. So a function that writes to memory keeps its `discard`, and Karat calls such a
+//! function in a draw instead of a dispatch.
 
 use super::lexer::lex;
 use super::splice::{DISCARDED, Edit};

@@ -112,7 +112,9 @@ pub enum PackageError {
         nearest: Option<String>,
     },
     /// Two modules of one package declare the same path for themselves.
-    #[error("modules `{first}` and `{second}` both declare `#define_import_path {path}`")]
+    #[error(
+        "modules `{first}` and `{second}` both declare `#define_import_path {path}`: give one module another path"
+    )]
     ComposedTwice {
         /// The path.
         path: String,
@@ -123,7 +125,7 @@ pub enum PackageError {
     },
     /// A path names a function that the package doesn't have.
     #[error(
-        "package `{package}` has no function `{path}` among its functions ({count}){}",
+        "package `{package}` has no function `{path}` (functions in the package: {count}){}",
         did_you_mean(nearest)
     )]
     UnknownFunction {
@@ -139,7 +141,7 @@ pub enum PackageError {
     /// A function is under a condition that is false.
     #[error(
         "`{path}` of package `{package}` is declared under `{condition}`, which is false: set \
-         the feature with `.feature(..)`"
+         the feature, with `.feature(..)` in Rust or `--feature` in a command"
     )]
     Inactive {
         /// The path in the test.
@@ -167,7 +169,7 @@ pub enum PackageError {
         package: String,
         /// An attribute that looks like a misspelt condition with one of the unknown features: `@iff(fast)`.
         misspelt: Option<Box<str>>,
-        /// One of the unknown features, if a module uses its name as an ordinary name.
+        /// One of the unknown features, if a module uses the feature's name as an ordinary identifier.
         bare: Option<Box<str>>,
         /// The features that the package's conditions use.
         known: Box<str>,
@@ -186,7 +188,7 @@ pub enum PackageError {
         /// The name that occurs twice.
         what: String,
     },
-    /// A file has the name of a module, but can't be a module.
+    /// A `.wgsl` or `.wesl` file can't be a module.
     #[error("`{file}` can't be a module: {reason}")]
     NoModule {
         /// The file.

@@ -79,8 +79,8 @@ fn may_have_tests(error: &Diagnostic) -> bool {
 
 #[derive(Default)]
 struct Known {
-    /// The modules whose imports Karat has checked. The check includes the modules from which a module imports,
-    /// directly or through others.
+    /// The modules whose imports Karat has checked, with the imports of all modules that they import directly or
+    /// through others.
     imports: BTreeSet<ModulePath>,
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,
@@ -110,8 +110,8 @@ struct Whole {
 struct Last {
     package: Package,
     there: Vec<String>,
-    /// The packages from which modules of the package import, directly or through others, in the order in which the
-    /// library numbers them.
+    /// The packages from which modules of the package import, directly or through others, in the order of their
+    /// indices in the library.
     packages: Vec<(Package, String)>,
     known: Known,
 }
@@ -142,8 +142,8 @@ impl<'a> Described<'a> {
         Self { package, library, linker: None, known: known.unwrap_or_default() }
     }
 
-    /// Stores the known hashes for the next computation of fingerprints, unless files of other packages may change
-    /// these hashes.
+    /// Stores the known hashes for the next computation of fingerprints. Stores nothing if the package imports from
+    /// packages in files, because those files may change.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());
@@ -204,8 +204,8 @@ impl<'a> Described<'a> {
         self.known.fingerprints(self.package, items, linker)
     }
 
-    /// A library for a module that can't use the shared library, because the module defines names for other
-    /// modules or shares a name space with them.
+    /// A library for a module that can't use the shared library, because the module has a `#define` for all modules,
+    /// or includes other modules.
     fn own_library(&self, root: &ModulePath) -> Result<Option<Library>, PackageError> {
         let file = self.library.read(root)?;
         let defines = !directives::defined(&file.text).is_empty()
@@ -406,7 +406,7 @@ mod tests {
         }
     }
 
-    /// After edits in a folder, Karat computes the same fingerprints from stored facts as it would without them.
+    /// After edits in a folder, Karat computes the same fingerprints with stored hashes as without stored hashes.
     #[test]
     fn cached_facts_do_not_change_fingerprints() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -31,7 +31,7 @@ impl Package {
         Ok(functions.collect::<Result<Vec<_>, _>>()?.concat())
     }
 
-    /// The functions of one module, in the order of lines. The module is `""` in a package of one module.
+    /// The functions of one module, in the order of lines. For a package's only module, pass `""`.
     ///
     /// ```
     /// use karat::Package;

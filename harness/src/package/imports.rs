@@ -1,7 +1,8 @@
 //! Resolves import statements and paths to declarations.
 //!
-//! Before Karat links a module, it follows every import of the module, and of all modules that the module reaches. So
-//! an error appears at the import statement. `naga_oil` resolves an import only where a module uses its name.
+//! Before Karat links a module, it follows every import of the module, and of all modules that the module imports
+//! directly or through others. So an error appears at the import statement. In contrast, `naga_oil` resolves an
+//! import only where a module uses its name.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -32,8 +33,8 @@ impl Import {
         self.words.last().expect("an import has a name")
     }
 
-    /// Checks if an import has an effect. `naga_oil` skips an import if the module doesn't use its name, or
-    /// declares the name itself.
+    /// Checks if an import has an effect. By `naga_oil`'s rules, an import has no effect if the module doesn't use
+    /// the imported name, or declares this name itself.
     fn counts_in(&self, module: &Module) -> bool {
         let mut used = module.references.iter().flatten();
         let is_declared = || module.declared(&self.alias).next().is_some();

@@ -45,7 +45,7 @@ pub enum Declaration {
     MultipleOf(u32),
 }
 
-/// An end of the range of an array's elements.
+/// The smallest or largest value that an array's elements may have: `0`, `length(out) - 1`.
 #[derive(Clone, Debug, PartialEq)]
 pub enum End {
     /// A number.
@@ -57,7 +57,7 @@ pub enum End {
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {
-    /// Reads the value of a declared input. An error is a sentence for the message.
+    /// Reads the value of a declared input. If the value is wrong, returns a sentence for the message.
     pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
         let is_length = name.contains("length(");
         let wrong = || {
@@ -126,7 +126,7 @@ impl Declaration {
             Self::Range(least, most) if is_size && !(is_count(*least) && is_count(*most)) => {
                 let what = if is_length { "elements" } else { "workgroups" };
                 return Err(format!(
-                    "the input `{name}` must have from 1 to {MOST_ELEMENTS} {what}, but the value is {value}"
+                    "the input `{name}` must be a number of {what} from 1 to {MOST_ELEMENTS}, but is {value}"
                 ));
             }
             Self::Values(_) | Self::Named(_) | Self::Elements { .. } if is_size => {
@@ -144,7 +144,7 @@ impl Declaration {
                 if !(least <= most && least.is_finite() && most.is_finite()) =>
             {
                 Err(format!(
-                    "the input `{name}` is declared from {least} to {most}, which isn't a range"
+                    "the input `{name}` is declared from {least} to {most}, which isn't a range: write the lower end first"
                 ))
             }
             Self::MultipleOf(_) if !is_length => Err(wrong()),

@@ -1,4 +1,4 @@
-//! The functions with which other crates check a package's functions without a test.
+//! The functions that Karat's other crates, such as `karat-inspect`, need to check shaders without tests.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ pub fn is_crate(package: &Package) -> bool {
     package.is_crate()
 }
 
-/// The hazards that `karat.toml` declares.
+/// The declarations of `karat.toml` for the search for hazards.
 ///
 /// # Errors
 /// If `karat.toml` can't be read.
@@ -66,7 +66,7 @@ pub fn accepted_mutants(package: &Package) -> Result<Vec<AcceptedMutants>, Packa
     Ok(Manifest::of(package)?.mutants())
 }
 
-/// The rows of the translation matrix that `karat.toml` declares.
+/// The rows of the translation matrix that `karat.toml` declares as known failures.
 ///
 /// # Errors
 /// If `karat.toml` can't be read.
@@ -80,7 +80,7 @@ pub fn file_of(package: &Package, module: &str) -> Option<PathBuf> {
     package.file_at(&ModulePath::root(module).components)
 }
 
-/// The text that replaces the contents of a file, if [`Package::unsaved`] has set one.
+/// The text that replaces a file's contents, if an editor passed such a text to [`Package::unsaved`].
 #[must_use]
 pub fn unsaved_of<'p>(package: &'p Package, file: &Path) -> Option<&'p str> {
     package.unsaved_text(file)
@@ -97,8 +97,8 @@ pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<Str
     Some((words, open.collect()))
 }
 
-/// Some values for each feature that has no value, although conditions compare it with a value. The first value of each
-/// feature is the value in the condition.
+/// For each feature that needs a value but isn't set, some values to try. If a condition compares the feature (`#if
+/// A >= 3`), the first value is the value in the condition.
 #[must_use]
 pub fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     library::values_of(package)

@@ -33,16 +33,15 @@ pub(super) struct ModulePath {
 }
 
 impl ModulePath {
-    /// The module of the linked package that has this path in the author's code. The path `""` means the only module of
-    /// the package.
+    /// The module with this path in the linked package. The path `""` means the package's only module.
     pub(super) fn root(module: &str) -> Self {
         let components = module.split("::").filter(|part| !part.is_empty());
         Self { package: 0, components: components.map(str::to_owned).collect() }
     }
 }
 
-/// The packages and modules for linking one package. Karat reads a module at its first use. The first package is the
-/// linked package. The other packages are those that its imports reach.
+/// The packages and modules for linking one package. Karat reads a module at its first use. The package with the
+/// index 0 is the linked package. The others are the packages that it imports from, directly or through others.
 pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
     /// The `karat.toml` of each package from which Karat has used a module, by the package's index.
@@ -110,8 +109,8 @@ impl Library {
         Ok(file)
     }
 
-    /// All packages that imports have reached so far. Returns `None` if one of these packages isn't text in memory. The
-    /// first package may be of any kind.
+    /// The linked package, and the packages from which Karat has followed an import so far. `None` if one of these
+    /// imported packages isn't text in memory.
     pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
         let packages = self.packages.borrow();
         let is_memory = |package: &Package| matches!(package.origin, Origin::Memory { .. });
@@ -119,7 +118,7 @@ impl Library {
         all.then(|| packages.iter().map(|(p, route)| (Package::clone(p), route.clone())).collect())
     }
 
-    /// Gives the packages the numbers that they have in another library of the same linked package.
+    /// Gives the imported packages the same indices as in an earlier library of the same linked package.
     pub(super) fn number_as(&self, packages: &[(Package, String)]) {
         let others = packages.iter().skip(1);
         let others = others.map(|(package, route)| (Rc::new(package.clone()), route.clone()));
@@ -136,8 +135,8 @@ impl Library {
         Ok(manifest)
     }
 
-    /// Reads the file of the module to link, and records the names that the file defines, because these definitions
-    /// apply to all modules.
+    /// Reads the file of the module to link, and records the names in the file's `#define`s, because these
+    /// definitions apply to all modules.
     pub(super) fn begin(&self, root: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         let file = self.read(root)?;
         *self.defined.borrow_mut() = directives::defined(&file.text);
@@ -145,7 +144,7 @@ impl Library {
         Ok(file)
     }
 
-    /// The names of the modules that a host joins with this module into one text.
+    /// The names of the modules that the author's program concatenates with this module (`[join]` in `karat.toml`).
     pub(super) fn joined(&self, path: &ModulePath) -> Result<Vec<String>, PackageError> {
         Ok(self.manifest(path.package)?.joined(&path.components.join("::")).to_vec())
     }
@@ -186,8 +185,8 @@ impl Library {
         has
     }
 
-    /// Checks if the folder of a module exists. Karat calls this method first, because most paths that it tries name
-    /// declarations, which have no folder.
+    /// Checks if the folder of a module exists. This check comes first and is quick: most paths that Karat tries are
+    /// paths of declarations, which have no folder.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
@@ -319,7 +318,7 @@ impl Library {
         Package::from_modules(CONSTANTS, [("", values.collect::<String>())])
     }
 
-    /// The indices of all packages that imports of the linked package can reach.
+    /// The indices of the linked package and of all packages from which it can import, directly or through others.
     fn all(&self) -> Vec<usize> {
         let (mut all, mut at) = (vec![0], 0);
         while let Some(package) = all.get(at).copied() {
@@ -338,8 +337,8 @@ impl Library {
         all
     }
 
-    /// The features that are set in a package: first its own features, and then the features of the linked
-    /// package.
+    /// The features for a package's conditions: the package's own features, the features of the linked package, and
+    /// the linked module's `#define`s. For a name that is set several times, the last value counts.
     pub(super) fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
         // The first read of the file reported its errors.
@@ -372,8 +371,8 @@ impl Library {
         PackageError::Shader(Box::new(diagnostic.note(note)))
     }
 
-    /// The [`features`](Self::features), and the names that the linked module defines only if nothing else
-    /// defines them.
+    /// The package's [`features`](Self::features), and the linked module's guards: names that the module defines
+    /// only if nothing else defines them.
     fn guarded(&self, package: usize) -> Features {
         let mut features = self.features(package);
         for (name, value) in &*self.guards.borrow() {
@@ -384,8 +383,8 @@ impl Library {
 }
 
 impl Package {
-    /// The folders and files of this package and of all packages from which its modules can import. The list doesn't
-    /// contain crates, because their files don't change. The list doesn't contain text in memory, either.
+    /// The folders and files of this package and of all packages from which its modules can import. The list
+    /// contains no crates, because their files don't change, and no text in memory.
     ///
     /// ```
     /// use karat::Package;
@@ -420,7 +419,7 @@ pub(crate) struct LinkedModule {
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
-    /// The modules that the linked texts contain, by the paths that messages and records show.
+    /// The modules from which the linker copied text, sorted by the paths that messages and records show.
     linked: Vec<LinkedModule>,
     /// The files that contain the modules' texts, or from which a program (`preprocess` in `karat.toml`) made the
     /// texts.
@@ -461,8 +460,8 @@ impl Sources {
     }
 }
 
-/// The hash of a file's text, and of the text before the replacement of values. If only the earlier text changes,
-/// positions in messages may change.
+/// One hash of a file's text with values, and of the text with placeholders. If only a placeholder changes, the text
+/// with values stays the same, but positions in messages may change.
 fn hash_of(file: &SourceFile) -> Hash {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.text.as_bytes());
@@ -515,8 +514,8 @@ impl Package {
         Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
     }
 
-    /// The modules that `karat.toml` joins with a module. Returns no modules if `karat.toml` is unreadable, because an
-    /// earlier read has reported this error.
+    /// The modules that the author's program concatenates with a module (`[join]` in `karat.toml`). Returns no
+    /// modules if `karat.toml` is unreadable, because an earlier read has reported this error.
     pub(crate) fn joined_with(&self, module: &str) -> Vec<String> {
         Manifest::of(self).map_or(Vec::new(), |all| all.joined(module).to_vec())
     }
@@ -593,8 +592,8 @@ impl Package {
 }
 
 impl Package {
-    /// A module's text before the replacement of values: its file, or the output of the program that prints the
-    /// module.
+    /// A module's text before Karat replaces placeholders (`[values]`): the text of the module's file, or the output
+    /// of `preprocess`.
     pub(super) fn before_values(&self, module: &str) -> Result<String, PackageError> {
         let manifest = Manifest::of(self)?.without_values();
         let components = ModulePath::root(module).components;
@@ -602,7 +601,7 @@ impl Package {
     }
 }
 
-/// Some values for each feature that has no value, although conditions compare it with a value.
+/// For each feature that needs a value but isn't set, some values to try.
 pub(super) fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     let (Ok(overlay), Ok(manifest)) = (Overlay::of(package), Manifest::of(package)) else {
         return BTreeMap::new();

@@ -57,7 +57,7 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// WebGPU's limits that every GPU device supports, by default or in compatibility mode.
+    /// The limits that every WebGPU device supports: WebGPU's default limits, or the limits of compatibility mode.
     pub(crate) fn usual(compatibility: bool) -> Self {
         Self { compatibility, ..Self::default() }
     }

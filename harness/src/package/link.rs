@@ -1,7 +1,7 @@
 //! Links modules with imports into one WGSL text.
 //!
-//! The linker finds the declarations that a text needs, and gives some of them new names. [`Spliced`] copies
-//! their text from the author's files.
+//! The linker finds the declarations that a text needs, and renames some declarations. [`Spliced`] copies the
+//! declarations' text from the author's files.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,9 +18,9 @@ use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
-    /// Makes one package for each of the `texts`. The package's only module has the name `module` and this text. Each
-    /// package depends on this package under `name`, and has the features in `set`. `text` is the text of the module
-    /// `module` in this package. Each new text begins with the definitions (`#define`) of `text`.
+    /// Makes one new package from each of the `texts`. The new package's only module has the name `module`. The new
+    /// package imports this package as `name`, and has the features in `set`. `text` is the text of this package's
+    /// module `module`: each new module begins with a copy of the `#define`s in `text`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,
@@ -107,8 +107,8 @@ impl Package {
         Linker::new(&library, &root)?.link(all, true, None)
     }
 
-    /// Follows each import, also unused imports. In a crate, Karat follows only used imports, like the crate's engine.
-    /// The target of an unused import may exist only with some features.
+    /// Follows each import, also unused imports. In a crate, the linker follows only used imports, as Bevy does,
+    /// because the target of an unused import may exist only with some features.
     fn check_imports(&self, library: &Library, root: &ModulePath) -> Result<(), PackageError> {
         if self.is_crate() { Ok(()) } else { imports::check(library, root) }
     }
@@ -126,8 +126,8 @@ impl Package {
         linker.link(all, true, None)
     }
 
-    /// The error about a function that doesn't exist, with a suggestion. The suggestion doesn't use modules that can't
-    /// be read.
+    /// The error about a function that doesn't exist. The error suggests a similar name, from the modules that Karat
+    /// can read.
     fn unknown_function(&self, module: &str, item: &str) -> PackageError {
         let path = author_path("", &ModulePath::root(module), item);
         let mut known = Vec::new();
@@ -152,7 +152,7 @@ impl Package {
     }
 }
 
-/// Makes the linked text from a file that needs no change. Its functions keep their names.
+/// Makes the linked text from a file that needs no change. All declarations keep their names.
 fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Linked {
     let mut spliced = Spliced::default();
     spliced.copy(file, 0..file.text.len(), Vec::new());

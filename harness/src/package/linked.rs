@@ -105,10 +105,10 @@ pub(crate) struct Linked {
     pub(crate) whole: bool,
     /// The entry point that became a function.
     pub(crate) called: Option<EntryPoint>,
-    /// A function with `discard`, by its name in the text, and the name of the generated function that Karat calls
+    /// For a function with `discard`: its name in the text, and the name of the generated function that Karat calls
     /// instead.
     pub(crate) discards: Option<(String, &'static str)>,
-    /// The locations of expectations in the linked modules, by the expectations' numbers.
+    /// For each number that Karat adds to a call of an expectation, the location of the call.
     pub(crate) calls: BTreeMap<u32, Span>,
     pub(crate) inactive: BTreeMap<String, Unmet>,
     pub(crate) sources: Sources,
@@ -118,7 +118,7 @@ pub(crate) struct Linked {
 pub(crate) struct Unmet {
     /// The condition in the author's text: `@if(fast)`.
     pub(crate) condition: String,
-    /// The feature in the condition; `None` unless the condition is only the name of one feature.
+    /// The feature in a condition that is only one feature's name. `None` for other conditions.
     pub(crate) feature: Option<String>,
 }
 
@@ -135,7 +135,7 @@ impl Linked {
         self.spliced.text()
     }
 
-    /// Checks if the text has `enable` with this extension. Directives come before everything else (WGSL, 4).
+    /// Checks if one of the text's `enable` directives lists this extension.
     pub(crate) fn enables(&self, extension: &str) -> bool {
         let text = self.text();
         if !text.contains(extension) {

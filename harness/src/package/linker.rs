@@ -36,11 +36,12 @@ pub(super) struct Linker<'a> {
     /// The declarations to which each declaration refers. The keys are only the declarations that the linker has
     /// resolved so far.
     resolved: BTreeMap<Item, Vec<Item>>,
-    /// The builtin names of WGSL that linked declarations use. Declarations of the root don't count.
+    /// The names that linked declarations and kernels use as WGSL's builtin names. No linked declaration may have
+    /// such a name.
     pub(super) free: BTreeSet<String>,
-    /// The modules that the root includes, so that they share a name space with the root.
+    /// The modules that `root` includes. These modules share a namespace with `root`.
     included: Vec<ModulePath>,
-    /// For each module other than the root, the modules that share a name space with this module.
+    /// For each module other than `root`, the modules that share a namespace with this module.
     spaces: BTreeMap<ModulePath, Vec<ModulePath>>,
 }
 
@@ -68,15 +69,15 @@ impl<'a> Linker<'a> {
         &self.root
     }
 
-    /// Makes another module of the same package the root, to describe its declarations. The new root must not include
-    /// other modules. Resolved references stay valid.
+    /// Makes another module of the same package the `root`, to compute fingerprints of that module's declarations.
+    /// The new `root` must not include other modules. Resolved references stay valid.
     pub(super) fn turn_to(&mut self, root: &ModulePath) -> Result<(), PackageError> {
         self.root = root.clone();
         self.add(root)
     }
 
-    /// Fails if a file and the files that it includes declare a name twice. The engine that includes the files also
-    /// reports this error.
+    /// Fails if a file and the files that it includes declare a name twice. The program that loads the shader
+    /// reports this error, too.
     fn expect_one_of_each_name<'p>(
         &self,
         space: impl Iterator<Item = &'p ModulePath>,
@@ -89,8 +90,9 @@ impl<'a> Linker<'a> {
                 let span = module.span(declaration.name_token);
                 if let Some(first) = known.insert(name, span.clone()).filter(|first| *first != span)
                 {
-                    let message =
-                        format!("`{name}` is declared in two files that share a name space");
+                    let message = format!(
+                        "`{name}` is declared in two files that are included or joined together"
+                    );
                     let diagnostic =
                         Diagnostic::new(message).at(span, "").at(first, "declared first");
                     return Err(PackageError::Shader(Box::new(diagnostic)));
@@ -181,9 +183,9 @@ impl<'a> Linker<'a> {
         assertions.map(move |(index, _)| (path.clone(), index))
     }
 
-    /// Links the wanted declarations and everything that they need. With `whole`, the root keeps its whole text.
-    /// The root's entry point `called` becomes an ordinary function. `discards` decides what an invocation does
-    /// at a `discard`.
+    /// Links the wanted declarations of `root` and everything that they need. With `whole`, copies the whole text of
+    /// `root`. The entry point `called` becomes an ordinary function. `discards` decides what an invocation does at
+    /// a `discard`.
     pub(super) fn link(
         mut self,
         wanted: Vec<Item>,
@@ -348,8 +350,8 @@ impl<'a> Linker<'a> {
         Ok(space.find(declares).cloned())
     }
 
-    /// Chooses new names for declarations of other modules than the root. A declaration of the root also gets a new
-    /// name if another declaration needs the old name with another meaning, for example as a builtin of WGSL.
+    /// Chooses new names for the declarations outside of the module `root`. A declaration of `root` also gets a new
+    /// name if other linked text uses the old name with another meaning, for example as a builtin of WGSL.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
         // A new name occurs in no file, so it can't clash with another name.
         let is_taken = |name: &str| {
@@ -390,9 +392,9 @@ impl<'a> Linker<'a> {
         names
     }
 
-    /// Checks if the declaration is an override that a host can set by its name. Returns `false` if the name has
-    /// another meaning anywhere in the linked text. If a local variable has the same name, the override needs another
-    /// name.
+    /// Checks if the declaration is an override that can keep its name, so that the author's program can set the
+    /// override by name. Returns `false` if the name has another meaning anywhere in the linked text, for example as
+    /// a local variable.
     fn is_of_host(&self, one: &Item, item: &str, items: &BTreeSet<Item>) -> bool {
         let (path, index) = one;
         let module = &self.parts[path].module;
@@ -401,7 +403,8 @@ impl<'a> Linker<'a> {
             && items.iter().all(|owner| !self.has_another(owner, one, item))
     }
 
-    /// Checks if the first declaration contains the name of the second declaration with another meaning.
+    /// Checks if the first declaration's text uses the second declaration's name for another thing, such as a
+    /// parameter.
     fn has_another(&self, (owner, index): &Item, (path, of): &Item, item: &str) -> bool {
         let name_token = self.parts[path].module.declarations[*of].name_token;
         let means_it = |token: usize| {
@@ -414,9 +417,8 @@ impl<'a> Linker<'a> {
         tokens.any(|token| module.text(token) == item && !means_it(token))
     }
 
-    /// The declarations that need a new name. Another declaration refers to such a declaration by a path or an alias,
-    /// and also uses the declaration's name for another thing, such as a parameter. Without a new name, the reference
-    /// would mean the parameter.
+    /// The declarations that need a new name because of another declaration's names. For example, a function refers
+    /// to `math::x`, and has a parameter `x`. If `math::x` became `x`, the reference would mean the parameter.
     fn captured(&self, items: &BTreeSet<Item>) -> BTreeSet<(ModulePath, String)> {
         let mut captured = BTreeSet::new();
         for owner @ (path, index) in items {
@@ -470,8 +472,8 @@ impl<'a> Linker<'a> {
         edits
     }
 
-    /// Copies each directive of the linked modules once, before all declarations. The directives of a whole root
-    /// stay at their position.
+    /// Copies each directive of the linked modules once, before all declarations. With `whole`, the directives of
+    /// `root` stay at their position.
     fn copy_directives(&self, items: &BTreeSet<Item>, whole: bool, spliced: &mut Spliced) {
         let mut linked: BTreeSet<&ModulePath> = items.iter().map(|(path, _)| path).collect();
         linked.insert(&self.root);

@@ -28,7 +28,7 @@ pub(super) struct Manifest {
     /// The file; `None` if the folder has no `karat.toml`.
     pub(super) read: Option<FileRead>,
     dependencies: BTreeMap<String, Dependency>,
-    /// Values of features. A test or the command line may override them.
+    /// Values of features. A test or the command line may override these values.
     pub(super) features: Features,
     /// Features that the engine sets, even if no condition uses them.
     pub(super) set_by_engine: BTreeSet<String>,
@@ -37,7 +37,7 @@ pub(super) struct Manifest {
     /// A program with its arguments, which prints a module as WGSL. The path of the module's file is the last
     /// argument. The program runs in the folder of the modules.
     preprocess: Vec<String>,
-    /// For each module, the other modules that the host joins with this module into one text.
+    /// For each module, the other modules that the author's program concatenates with this module.
     join: BTreeMap<String, Vec<String>>,
     matrix: Vec<KnownRows>,
     /// Declarations of inputs, values of overrides, and accepted hazards.
@@ -62,8 +62,8 @@ struct Dependency {
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
-    /// A copy of the entry with only the functions of one module, named without the module's path; `None` if the entry
-    /// has no function of this module.
+    /// A copy of the entry that has only one module's functions, without the module's path in their names. `None` if
+    /// the entry has no function of this module.
     fn of_module(self, module: &str) -> Option<Self> {
         let own = |row: String| match row.contains("::") {
             true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),
@@ -113,8 +113,8 @@ struct Written {
     limits: Option<BTreeMap<String, toml::Value>>,
 }
 
-/// A path relative to a folder, without `name/..` pairs. So if two packages depend on each other, each package has one
-/// path, instead of an endless series of longer paths.
+/// A path relative to a folder, without `name/..` pairs. Without such pairs, each package has only one path. If two
+/// packages import from each other, paths would otherwise grow without end: `../b/../a/../b`.
 fn joined(folder: &Path, path: &Path) -> PathBuf {
     let mut joined = folder.to_owned();
     for part in path.components() {
@@ -148,7 +148,8 @@ impl Package {
         Ok(Compilers { file, require_tint, ..manifest.compilers })
     }
 
-    /// Checks if a program prints the modules (`preprocess` in `karat.toml`). Such a program may read any file.
+    /// Checks if a program prints the modules (`preprocess` in `karat.toml`). Such a program may read any file, so a
+    /// change of any file may change a module.
     ///
     /// ```
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
@@ -167,7 +168,7 @@ pub(crate) struct Declared {
     file: String,
     text: String,
     inputs: Vec<String>,
-    /// The names in `[values]` that none of the modules that Karat has seen uses.
+    /// The names in `[values]` that Karat has found in no module yet.
     values: Vec<String>,
     /// Functions with accepted hazards: `module::name`, `module::*`.
     functions: Vec<String>,
@@ -208,8 +209,7 @@ impl Package {
 }
 
 impl Declared {
-    /// Removes the names that a module, or the program linked from the module, declares. Call this method for each
-    /// module.
+    /// Removes the names that occur in a module or in the module's linked text. Call this method for each module.
     pub(crate) fn see(
         &mut self,
         package: &Package,
@@ -243,8 +243,7 @@ impl Declared {
         Ok(())
     }
 
-    /// Returns an error if a name remains: no module declares the name, so the entry in `karat.toml` would have no
-    /// effect.
+    /// Returns an error if a name remains. No module has this name, so the entry in `karat.toml` has no effect.
     pub(crate) fn conclude(self) -> Result<(), PackageError> {
         // All functions of a module, and of the modules below it.
         let is_of = |all: &str, own: &String| all.ends_with("::") && own.starts_with(all);
@@ -264,7 +263,7 @@ impl Declared {
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             let of = if self.functions.contains(name) { "hazard" } else { "matrix" };
             let what = "but the package has no function of this name";
-            ([of, name], format!("an entry names `{name}`, {what}{near}"))
+            ([of, name], format!("an entry of `[[{of}]]` names `{name}`, {what}{near}"))
         } else {
             return Ok(());
         };
@@ -314,8 +313,8 @@ fn placed(file: &str, text: &str, keys: &[&str]) -> String {
 /// The largest number of bytes that a program may print for one module. Modules are far smaller.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// The cache of manifests. The key has the text of `karat.toml`. Each entry also has the package that used the manifest
-/// last.
+/// The cache of manifests. The key is the text of a `karat.toml`. If several packages have the same text, the entry
+/// belongs to the package that stored its manifest last.
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
@@ -380,8 +379,8 @@ impl Manifest {
             let has_root = dependency.path.is_some() && dependency.root.is_some();
             if dependency.path.is_some() == dependency.krate.is_some() || has_root {
                 let reason = format!(
-                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
-                     without `root`"
+                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }}. A \
+                     crate may also have `root`"
                 );
                 return Err(told(&["dependencies", name], reason));
             }
@@ -416,7 +415,8 @@ impl Manifest {
         for known in &matrix {
             let list = [("rows", &known.rows), ("columns", &known.columns)];
             if let Some((name, _)) = list.into_iter().find(|(_, list)| list.is_empty()) {
-                let reason = format!("a `[[matrix]]` entry names no {name}, so it has no effect");
+                let reason =
+                    format!("a `[[matrix]]` entry names no {name}, so the entry has no effect");
                 return Err(told(&["matrix"], reason));
             }
         }
@@ -499,7 +499,7 @@ impl Manifest {
         }
     }
 
-    /// The modules that a host joins with this module into one text.
+    /// The modules that the author's program concatenates with this module (`[join]`).
     pub(super) fn joined(&self, module: &str) -> &[String] {
         self.join.get(module).map_or(&[], |joined| joined)
     }
@@ -559,8 +559,9 @@ impl Manifest {
         !self.preprocess.is_empty() || !self.values.is_empty()
     }
 
-    /// The module's text after the package's program has expanded it, with its values. A process runs the program
-    /// once for the same text, until [`refresh`](workspace::refresh) forgets the result.
+    /// A module's text with assertions and values: the file's text or the output of `preprocess`, in which Karat
+    /// replaces placeholders. For the same text, a process runs `preprocess` once, until
+    /// [`refresh`](workspace::refresh) forgets the output.
     pub(super) fn expanded(
         &self,
         root: &Path,

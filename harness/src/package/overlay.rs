@@ -28,7 +28,7 @@ pub(super) struct Overlay {
 impl Overlay {
     /// The overlay that `KARAT_OVERLAY` selects for a package and its dependencies. Each file of the overlay must
     /// replace a module. Otherwise the user could misspell a file's name, and believe that Karat tested the changed
-    /// file. The overlay is empty if no module is in a file.
+    /// file. The overlay is empty if neither the package nor its dependencies have modules in files.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let unsaved = package.unsaved.iter().cloned().collect();
         let Some(folder) = settings::overlay() else {

@@ -226,8 +226,8 @@ impl<'a> Walk<'a> {
         at + 1
     }
 
-    /// Returns the index of the token after a type with address spaces, texel formats or access modes among its
-    /// arguments. These words have a fixed meaning, even if a declaration has the same name.
+    /// Returns the index of the token after a type such as `ptr<storage, T>` or `texture_storage_2d<rgba8unorm,
+    /// write>`. Words such as `storage` aren't references, even if a declaration has such a name.
     fn after_spaces(&mut self, at: usize, end: usize) -> usize {
         let name = self.module.text(at);
         let all = name.starts_with("texture_storage_")

@@ -94,8 +94,8 @@ impl Spliced {
         Some(Span { file: Arc::clone(&piece.file), range: start..end })
     }
 
-    /// Checks that undoing the edits gives the author's bytes. Also checks that each edit replaces one whole name
-    /// or blanks text, and that the text contains nothing else.
+    /// Checks that undoing the edits gives the author's bytes. Also checks that each edit replaces one whole name or
+    /// blanks text, and that only line ends are between the copied ranges.
     ///
     /// # Errors
     /// If the check fails. Then the linker has a bug, and the linked text isn't the author's program.

@@ -1,7 +1,7 @@
 //! Finds the declarations of a module by its tokens, without parsing expressions.
 //!
-//! naga reports a module that isn't well formed. This module only finds each declaration of a valid module, and
-//! the position of the declaration's name.
+//! This code finds the range and the name of each declaration of a well-formed module. naga reports the syntax
+//! errors of other modules.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -79,7 +79,7 @@ pub(super) struct Module {
 }
 
 impl Module {
-    /// The changes by conditions and directives in a range of bytes.
+    /// The changes that conditions and directives make in a range of bytes.
     pub(super) fn changes(&self, from: &Range<usize>) -> impl Iterator<Item = Edit> {
         let from = from.clone();
         let inside = move |range: &Range<usize>| from.start <= range.start && range.end <= from.end;
@@ -121,8 +121,9 @@ impl Module {
         self.declarations.iter().filter_map(|declaration| declaration.name.as_deref())
     }
 
-    /// The edits that turn an entry point into an ordinary function, by replacing its attributes by blanks. Also
-    /// returns the builtin value of each parameter. Members of structures keep their attributes.
+    /// The edits that turn an entry point into an ordinary function: blanks replace the attributes of the function
+    /// and its parameters. Members of structures keep their attributes. Also returns the names of the parameters
+    /// with `@builtin`, each with its builtin value.
     pub(super) fn as_function(
         &self,
         declaration: &Declaration,

@@ -1,4 +1,4 @@
-//! `[values]` of `karat.toml`: texts that replace placeholders, or names that the engine's own code replaces.
+//! `[values]` of `karat.toml`: texts that replace placeholders or names, as the author's program replaces them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -112,8 +112,8 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
 /// Words that declare the name after them.
 const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
 
-/// The tokens of the function around `at`. They end at the function's last brace or, without such a brace, at the next
-/// function.
+/// The tokens of the function around `at`. The tokens end at the function's last brace or, without such a brace, at
+/// the next function.
 fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usize>> {
     let of = |at: usize| &text[tokens[at].range()];
     let start = (0..at).rev().find(|one| of(*one) == "fn")?;
@@ -131,7 +131,7 @@ fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usiz
     all.contains(&at).then_some(all)
 }
 
-/// The names that a text declares or imports. Each name has the range of tokens in which it has this meaning.
+/// The names that a text declares or imports. With each name, returns the tokens in which the name is visible.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     // The end of the text also counts as the start of a line.
@@ -168,7 +168,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// Checks if a token is between the braces of a structure, or of a `case`.
+/// Checks if a name is outside of all parentheses: then it is a member or in a `case`, and not a parameter.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {
@@ -183,7 +183,7 @@ fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     true
 }
 
-/// Checks if a word is a name that values don't replace.
+/// Checks if a bare name must stay: the name is in a declaration, path, condition, directive or import.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     let before = at.checked_sub(1).map_or("", of);

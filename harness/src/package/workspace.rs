@@ -1,8 +1,9 @@
-//! Caches everything that a process reuses when it reads a package again. The key of most entries has all inputs of the
-//! entry, such as a text and features, so an edit finds no outdated entry. There are two exceptions. The entries for
-//! cargo's graphs stay until the process ends. For `karat.toml` and for outputs of programs, the code that uses an
-//! entry first checks if the entry is still right. If the entries of a kind reach the kind's limit, Karat drops all
-//! entries of this kind. [`refresh`] forgets entries that may depend on files unknown to Karat.
+//! Caches everything that a process reuses when it reads a package again. The key of most entries has all inputs of
+//! the entry, such as a text and features, so an edit finds no outdated entry. There are three exceptions. The
+//! entries for cargo's graphs stay until the process ends. For `karat.toml` and for linked programs, the code that
+//! uses an entry first checks if the entry is still right. For outputs of `preprocess`, which may depend on any
+//! file, [`refresh`] forgets the entries. If the entries of a kind reach the kind's limit, Karat drops all entries
+//! of this kind.
 
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
@@ -15,7 +16,7 @@ pub(crate) trait Kind: 'static {
     type Value: Send + 'static;
     /// The largest number of entries of this kind.
     const MOST: usize;
-    /// `true` if an entry may depend on more than its key.
+    /// `true` if an entry may depend on more than its key, so that [`refresh`] must forget the entry.
     const VOLATILE: bool = false;
 }
 
@@ -69,9 +70,9 @@ pub(crate) fn keep<K: Kind>(key: K::Key, value: K::Value) {
     with_room::<K, _>(|entries| drop(entries.insert(key, value)));
 }
 
-/// Forgets entries that depend on files unknown to Karat: a program's output (`preprocess` in `karat.toml`) may depend
-/// on any file. A process that lives through several edits, such as `karat watch`, calls this function before it reads
-/// a package again.
+/// Forgets the outputs of `preprocess` programs (`karat.toml`), because such an output may depend on files that
+/// Karat doesn't know. A process that lives through several edits, such as `karat watch`, calls this function before
+/// it reads a package again.
 ///
 /// ```
 /// karat::unstable::workspace::refresh();

@@ -42,7 +42,7 @@ pub enum Moment<'a> {
 pub(crate) type Watcher = Arc<dyn Fn(Path, Moment<'_>) + Send + Sync>;
 
 thread_local! {
-    /// The watcher for the guards that this thread makes.
+    /// The watcher that receives the events of the guards that this thread makes.
     static WATCHER: RefCell<Option<Watcher>> = const { RefCell::new(None) };
 }
 
@@ -64,7 +64,7 @@ pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) 
     within(settings::deadline(), path, what)
 }
 
-/// Like [`guard`], for opening a path. Opening runs no shader, so it has a time limit of its own.
+/// Like [`guard`], for opening a path. The time limit is at least 60 s, even if `KARAT_TIMEOUT` is shorter.
 pub(crate) fn guard_opening(path: Path) -> Guard {
     let limit = settings::deadline().max(Duration::from_secs_f64(settings::DEADLINE_SECONDS));
     within(limit, path, move || format!("opening path {path}"))
@@ -79,8 +79,8 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
             // Writes directly to stderr, because the test runner's captured output is lost with the process.
             let why = format!(
-                "{} did not finish within {} s: a loop may be endless, or the deadline may be too short \
-                 for this adapter (KARAT_TIMEOUT=seconds)",
+                "{} did not finish within {} s. A loop may be endless, or the deadline may be too short \
+                 for this adapter: set KARAT_TIMEOUT to a larger number of seconds",
                 what(),
                 limit.as_secs_f64()
             );

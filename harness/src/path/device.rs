@@ -19,8 +19,9 @@ use crate::settings;
 /// Mesa's sources call this number `LP_MAX_TGSI_LOOP_ITERATIONS`.
 pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
-/// A shader that Karat compiles to test a driver's compute support. On OpenGL 3.3, wgpu reports compute shaders if the
-/// driver has `GL_ARB_compute_shader`, such as NVIDIA's. But naga can't write compute shaders for that version.
+/// A shader that Karat compiles to test a driver's compute support. On OpenGL 3.3, wgpu reports support for compute
+/// shaders if the driver has `GL_ARB_compute_shader`, as NVIDIA's driver has. But naga can't write compute shaders
+/// for OpenGL 3.3.
 const NO_WORK: &str = "@compute @workgroup_size(1) fn work() {}";
 
 const CALLBACK: Duration = Duration::from_millis(5);
@@ -201,8 +202,9 @@ impl Device {
     /// Waits until this thread may call the driver (its turn), if the driver serves one thread at a time. wgpu panics
     /// if a thread waits six seconds for GL's context. On a busy machine, this happens while another thread compiles.
     ///
-    /// Take a turn for every call of the driver, including the release of resources. Release the turn before you wait
-    /// for other threads. Take the turn before a deadline begins.
+    /// Take a turn for every call of the driver, including the release of resources. Release the turn before you
+    /// wait for other threads. Take the turn before a deadline begins, so that the time limit doesn't include the
+    /// wait.
     pub(crate) fn turn(&self) -> Turn<'_> {
         self.turns.as_ref().map(ReentrantMutex::lock)
     }
@@ -310,7 +312,7 @@ impl Device {
         }
     }
 
-    /// The compute pipeline of a kernel. Karat compiles the pipeline once for each WGSL text.
+    /// The compute pipeline of a kernel. Karat compiles the pipeline once for each WGSL text and set of overrides.
     pub(crate) fn compute_pipeline(
         &self,
         wgsl: &str,
@@ -351,11 +353,12 @@ impl Device {
         })
     }
 
-    /// Translates a frame's shader as the path's route does, and returns the IR to draw with.
+    /// Translates a frame's shader along the path's route, and returns naga's IR for wgpu.
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
         let undrawn = || PathError::Route {
             path: self.path,
-            message: "Karat can't draw frames with SPIR-V from other compilers".to_owned(),
+            message: "Karat can't draw frames with SPIR-V that another compiler than naga writes"
+                .to_owned(),
         };
         match route::takes_wgpu(self.path) {
             true => route::through_naga(self.path, module),
@@ -384,7 +387,7 @@ impl Device {
         })
     }
 
-    /// Waits for all submitted work. The caller must have a deadline's guard.
+    /// Waits for all submitted work. The caller must hold a deadline's [`guard`](super::deadline::guard).
     pub(crate) fn wait(&self) -> Result<(), PathError> {
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
@@ -416,7 +419,9 @@ impl Device {
                 Ok(mapped) => break mapped,
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(failed("wgpu dropped the mapping of a buffer".to_owned()));
+                    return Err(failed(
+                        "wgpu didn't map a buffer into memory, and gave no reason".to_owned(),
+                    ));
                 }
             }
         };

@@ -52,7 +52,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     }
     if path.via().is_arithmetic() {
         let message = format!(
-            "only the path `cpu:{}` has this arithmetic: a driver's arithmetic can't be changed",
+            "Karat can't change a driver's arithmetic. Use the path `cpu:{}` of Karat's engine",
             path.via()
         );
         return Err(PathError::Route { path, message });

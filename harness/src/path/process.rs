@@ -59,7 +59,7 @@ impl Process {
         let unavailable = |reason| PathError::Unavailable { path, reason };
         if path.via() != super::Via::Direct {
             return Err(unavailable(
-                "a program in KARAT_EXECUTORS gets WGSL, so its path can't have a route".to_owned(),
+                "a program in KARAT_EXECUTORS gets WGSL, so its path can't have a route: remove the route from the path's name".to_owned(),
             ));
         }
         let Some(name) = path.driver() else {
@@ -112,8 +112,8 @@ impl Process {
         let answer = answer.map_err(|broken| {
             failed(match broken {
                 Broken::Hung(_) => format!(
-                    "the program did not finish within {} s: a loop may be endless, or the deadline may be too short \
-                     for this program (KARAT_TIMEOUT=seconds)",
+                    "the program did not finish within {} s. A loop may be endless, or the deadline may be too short \
+                     for this program: set KARAT_TIMEOUT to a larger number of seconds",
                     deadline.as_secs_f64()
                 ),
                 broken => broken.to_string(),

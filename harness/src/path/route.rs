@@ -69,7 +69,7 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     let on_route = |message: String| PathError::Route { path, message };
     let shader = Shader::of(ir).map_err(|error| on_route(error.to_string()))?;
     if matches!(path.via(), Via::Hlsl | Via::HlslDxc) && shader.takes_constants(entry_point) {
-        let why = "naga's HLSL reads `num_workgroups` from a buffer of the host, but this route has no such buffer";
+        let why = "naga's HLSL reads `num_workgroups` from a buffer that the calling program must bind, and Karat binds no such buffer";
         return Err(on_route(why.to_owned()));
     }
     let translation = shader.translate(target(path), Some(entry_point));

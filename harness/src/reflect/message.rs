@@ -88,7 +88,7 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
     let how = if list.is_empty() {
         "write into karat.toml beside the modules:\n[join]"
     } else {
-        "replace the line of this module in karat.toml by:"
+        "replace this module's line in karat.toml with:"
     };
     list.push(first.clone());
     let key = if own.contains("::") { format!("{own:?}") } else { own };

@@ -370,7 +370,7 @@ impl Package {
             let place = place.and_then(|range| program.linked.spliced.resolve(range))?.to_string();
             if Reason::of(&message.text) == Reason::Uniformity && lines.contains(&line(&place)) {
                 let head = message.text.lines().next().unwrap_or_default();
-                return Some(format!("Tint reports the same error without a run: {place}: {head}"));
+                return Some(format!("Tint's compiler reports the same error: {place}: {head}"));
             }
         }
         // After an error of another kind, Tint stops without checking uniformity.
@@ -394,7 +394,7 @@ impl Package {
         let (span, count) = self.for_validating(module).first_test(module)?;
         let tests = counted(count, "test");
         let message = format!(
-            "this file has {tests}, and an engine that loads the file doesn't know `@test`"
+            "this file has {tests}, and a program that loads the file doesn't know `@test`"
         );
         let name = module.rsplit("::").next().unwrap_or(module);
         let note = format!(

@@ -38,7 +38,7 @@ pub struct Function {
 /// The way in which Karat calls a function.
 #[derive(Clone, Debug, Default)]
 pub struct Form {
-    /// `true` if the result is a structure of the value and a flag for a discarded pixel.
+    /// `true` if a call returns a structure of two members: the function's result, and a flag for a discarded pixel.
     pub discards: bool,
     /// The type of the function's result; `None` if there is no result.
     pub(crate) returns: Option<Shape>,
@@ -53,13 +53,14 @@ pub struct Form {
     pub(crate) fragment: bool,
     /// The stage of an entry point, which Karat calls like any function.
     pub stage: Option<Stage>,
-    /// The parameters, and members of parameters, that are builtin values: `input.pixel`, `position`.
+    /// The parameters that are builtin values, such as `position`, and the members that are builtin values, such as
+    /// `input.pixel`. Each has its path and the name of the builtin value.
     pub builtins: Vec<(String, String)>,
 }
 
 const RESULT: &str = "result";
 
-/// Private variables by their paths.
+/// The private variables that pass values into or out of a function, by their paths.
 pub type State = BTreeMap<String, Variable>;
 
 /// A private variable.
@@ -80,8 +81,8 @@ pub(crate) enum Passed {
     Function,
     /// The kernel passes a pointer to a private variable.
     Private,
-    /// The kernel stores the value in the private variable with this name. The function uses the variable. The value
-    /// isn't for a parameter of the author's function.
+    /// The kernel stores the value in the private variable with this name. The author's function reads the variable,
+    /// and has no parameter for the value.
     State(String),
 }
 
@@ -115,7 +116,8 @@ impl Function {
         all.collect::<Vec<_>>().join(", ")
     }
 
-    /// The shapes of one invocation's results: the function's result, and the values behind pointers.
+    /// The names and shapes of one invocation's results: the function's result, the values behind pointers, and private
+    /// variables.
     pub fn outputs(&self) -> Vec<(String, Shape)> {
         let returned = self.form.returns.iter().map(|shape| (RESULT.to_owned(), shape.clone()));
         let pointers = self.parameters.iter().zip(&self.form.passed);
@@ -135,8 +137,8 @@ impl Function {
         self.form.stage
     }
 
-    /// The resources that the function may write. The list is empty for a function that only reads its
-    /// `read_write` resources, because the cases of such a function don't run alone.
+    /// The resources that the function may write. If the function only reads its `read_write` resources, there are
+    /// none.
     pub fn written(&self) -> impl Iterator<Item = &Binding> {
         let written = |binding: &&Binding| self.form.alone && binding.kind.is_written();
         self.bindings.iter().filter(written)
@@ -433,8 +435,8 @@ impl Program {
         }
     }
 
-    /// The shape of a written resource after a call. `count` is the number of its bytes or texels. Without
-    /// `count`, a runtime-sized array has no elements. `None` if no host can read the resource.
+    /// The shape of a resource that a call wrote. `count` is the number of bytes of a buffer, or of texels of a
+    /// texture. Without `count`, a runtime-sized array has no elements. `None` if no host can read the resource.
     pub fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             let scalar = match format.texels() {
@@ -480,7 +482,7 @@ impl Program {
         }
     }
 
-    /// The parameters of a test. A test needs no result.
+    /// The parameters of a `@test` function. Such a function may have no result.
     ///
     /// # Errors
     /// If the test can't run in a kernel, or if a kernel can't pass one of its parameters.
@@ -643,8 +645,8 @@ impl Program {
         })
     }
 
-    /// The shape of a buffer variable's type, or of an element of its runtime-sized array; `None` if the type has
-    /// no shape.
+    /// The shape of a buffer's type. For a runtime-sized array, the shape of one element. `None` if the type has no
+    /// shape.
     pub(crate) fn buffer_shape(&self, ty: naga::Handle<naga::Type>) -> Option<Shape> {
         match &self.checked.module.types[ty].inner {
             naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } => {
@@ -673,8 +675,8 @@ impl Program {
         Some((Shape::Struct { name, members }, self.shape(base).ok()?))
     }
 
-    /// The shape of a buffer's contents. A runtime-sized array, as the whole or as the last member, has
-    /// `elements` elements. Atomics count as their scalars. `None` if the variable isn't a buffer.
+    /// The shape of a buffer's contents. If the buffer is, or ends in, a runtime-sized array, that array has `elements`
+    /// elements. Atomics count as their scalars. `None` if the variable isn't a buffer.
     #[must_use]
     pub fn buffer_of(&self, binding: &Binding, elements: usize) -> Option<Shape> {
         use naga::{ArraySize, TypeInner};
@@ -692,12 +694,12 @@ impl Program {
         self.memory_shape(binding.ty, bytes.unwrap_or_default())
     }
 
-    /// The offset in bytes of each member of a buffer, by its path in the variable.
+    /// The path of each member of a buffer, such as `.lights[].color`, and the offset of the member in bytes.
     pub fn places(&self, binding: &Binding) -> Vec<(String, u32)> {
         super::layout::places(&self.checked.module, binding.ty, "", 0)
     }
 
-    /// The bytes of a buffer, from the scalars of its value or of its elements.
+    /// Converts the scalars of a buffer's value to the bytes of the buffer.
     ///
     /// # Errors
     /// If the number of scalars doesn't fit the type.
@@ -724,7 +726,7 @@ impl Program {
         self.shape_of(&self.checked.module.types[ty])
     }
 
-    /// The shape of a type that isn't in the module.
+    /// The shape of a naga type that needn't be in the module.
     pub(super) fn shape_of(&self, ty: &naga::Type) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
         Ok(match &ty.inner {

@@ -22,7 +22,7 @@ use crate::package::asserts::{ASSERTED, HOLDER, PRINTED, is_in_a_line};
 use crate::package::let_statements;
 use crate::value::Shape;
 
-/// The number of `u32` words that one colour target of a changed program returns.
+/// The number of `u32` words that a changed program returns in one colour target.
 pub(crate) const WORDS: usize = 4;
 
 #[derive(Clone, Debug)]
@@ -39,8 +39,8 @@ pub(crate) struct Valued {
 }
 
 impl Valued {
-    /// The number of `u32` words with which a program returns the value: a word for each scalar, and a word that is the
-    /// number of rounds plus 1. `None` if Karat can't read the value.
+    /// The number of `u32` words in which a program returns the value: one word for each scalar, and one word for the
+    /// number of iterations plus 1. `None` if Karat can't read the value.
     pub(crate) fn words(&self) -> Option<usize> {
         Some(self.shape.as_ref().ok()?.lanes().len() + 1)
     }
@@ -54,7 +54,7 @@ pub(crate) enum When {
     Last,
     /// The value in this iteration. The first iteration is 1.
     Round(u32),
-    /// The last value of a condition that is false. Karat counts only the rounds in which the condition is false.
+    /// The last time that a condition is false. Karat counts only the iterations in which the condition is false.
     False,
 }
 
@@ -67,20 +67,20 @@ impl From<Option<u32>> for When {
 /// The values that a changed program returns, and the locations at which it returns them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
-    /// The values to return. If there are no values, the program returns the number of its fragment function, counted
-    /// from 1.
+    /// The values to return. If there are no values, each fragment function returns its own number, counted from 1.
     pub(crate) values: &'t [(&'t Valued, When)],
-    /// The index of the first word to return. The words of a value are its scalars, followed by the number of its
-    /// rounds plus 1.
+    /// The index of the first word to return, among the words of all values. The words of a value are its scalars,
+    /// followed by the number of its iterations plus 1.
     pub(crate) first: usize,
-    /// The locations of the words. Each location has [`WORDS`] words.
+    /// The locations at which the program returns the words. Each location has [`WORDS`] words.
     pub(crate) locations: &'t [u32],
-    /// `true` if the program returns only these words, and not the outputs of the author's function.
+    /// `true` if the program returns these words in place of the colours of the author's function.
     pub(crate) alone: bool,
 }
 
 impl Program {
-    /// All values of some entry points and of the functions that they call, function by function.
+    /// All values that these entry points, and the functions that they call, compute. The values of one function are
+    /// together.
     pub(crate) fn values_of(&self, entry_points: &[&str]) -> Vec<Valued> {
         let module = &self.checked.module;
         let (mut open, mut seen) = (Vec::new(), BTreeSet::new());
@@ -171,7 +171,7 @@ impl Program {
     /// an atomic operation.
     ///
     /// # Errors
-    /// With the location of the side effect.
+    /// If there is such a side effect; the error has its location.
     pub(crate) fn expect_no_effects(&self) -> Result<(), ReflectError> {
         let (module, info) = (self.module(), self.info());
         let functions = module.functions.iter().map(|(_, function)| function);
@@ -213,7 +213,8 @@ impl Program {
         Err(ReflectError::Unprobeable(Box::new(found)))
     }
 
-    /// The range of an assertion's or print's expression, by its name. naga has no span for such an expression.
+    /// The range of the expression that an assertion or a print evaluates, by the name of the `let` with the
+    /// expression's value. naga has no span for such an expression.
     fn held(&self, function: &str, name: &str) -> Option<Range<usize>> {
         if ![ASSERTED, PRINTED].iter().any(|one| name.starts_with(one)) {
             return None;
@@ -226,8 +227,7 @@ impl Program {
         Some(start..end - 1)
     }
 
-    /// A copy of this program in which the given fragment functions return the wanted values or, without wanted values,
-    /// their own number.
+    /// A copy of this program in which the fragment functions `fragments` return the values in `telling`.
     ///
     /// # Errors
     /// If naga rejects the program.
@@ -512,7 +512,7 @@ fn bits(
     }
 }
 
-/// Stores the words of an invocation at the invocation's offset in the buffer.
+/// A block that stores the words of an invocation at the invocation's offset in the buffer.
 fn leave(
     function: &mut Function,
     (kept, told): (Kept, Handle<GlobalVariable>),
@@ -570,8 +570,9 @@ fn leave(
     block
 }
 
-/// Changes the result type of an entry point to a structure with words. Returns this type, the words' type, and the
-/// indices of the previous members that stay. An index is `None` if the previous result isn't a structure.
+/// Changes the result type of a fragment function to a structure of its previous outputs and the words. Returns the new
+/// type, the type of the words, and the index of each previous output in the previous result. The index is `None` if
+/// the previous result isn't a structure.
 fn returning(
     module: &mut Module,
     function: &mut Function,

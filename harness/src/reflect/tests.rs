@@ -12,8 +12,8 @@ fn ir(text: &str) -> String {
     without
 }
 
-/// If every declaration of a module gets another name, only names change in the IR. So the linker finds each use
-/// of a name, and changes nothing else.
+/// The linker can rename every declaration of a module. The test shows that only names change in naga's IR, so the
+/// linker finds each use of a name, and changes nothing else.
 // Lesson 51: each name of the library
 #[test]
 fn renamed_modules_are_the_same_programs() {

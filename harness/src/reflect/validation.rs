@@ -10,7 +10,7 @@ use crate::diagnostic::Diagnostic;
 use crate::output::counted;
 use crate::package::{self, Package, PackageError};
 
-/// The counts of a valid package.
+/// The numbers of modules, functions, entry points and tests in a valid package.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Validated {
     /// The number of modules.
@@ -57,7 +57,7 @@ pub enum Invalid {
         modules: usize,
         /// Each module that isn't valid, with the reason.
         errors: Vec<(String, ReflectError)>,
-        /// The verdicts on the modules from other sources than naga.
+        /// The verdicts on the modules that come from Tint and from WebGPU's limits.
         opinion: Box<Opinion>,
     },
     /// `karat.toml` requires Tint's verdict, but Tint has no verdict.
@@ -71,7 +71,7 @@ pub enum Invalid {
         reason: String,
         /// The remedy.
         remedy: String,
-        /// The verdicts on the modules from other sources than naga.
+        /// The verdicts on the modules that come from Tint and from WebGPU's limits.
         opinion: Box<Opinion>,
     },
     /// The package has no code to run.
@@ -83,7 +83,7 @@ pub enum Invalid {
 }
 
 impl Invalid {
-    /// The verdicts on the modules from other sources than naga, if there are any.
+    /// The verdicts on the modules that come from Tint and from WebGPU's limits, if there are any.
     #[must_use]
     pub fn opinion(&self) -> Option<&Opinion> {
         match self {
@@ -122,8 +122,8 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If a module isn't valid: the error has each such module, with the reason. Also if the package requires Tint's
-    /// verdict and Tint gave none, or if the package has no code.
+    /// If a module isn't valid: the error has each such module, with the reason. The call also fails if the package
+    /// requires Tint's verdict but Tint has no verdict, or if the package has no code.
     pub fn try_is_valid(&self) -> Result<Validated, Invalid> {
         let modules = self.modules()?;
         self.knows_its_validated(&modules)?;

@@ -5,12 +5,12 @@ use std::sync::OnceLock;
 
 /// The description of a program that runs tests without Cargo.
 ///
-/// Cargo passes this information to test programs by environment variables and paths. Any other program must
-/// call [`host`] before the first test, and must name each test's thread after the test.
+/// Cargo passes this information to test programs through environment variables, and through the path of the program.
+/// Any other program must call [`host`] before the first test, and must name each test's thread after the test.
 #[derive(Clone, Debug)]
 pub struct Host {
-    /// The words of the command that runs one test, such as `karat test shaders --exact`. The test's name
-    /// follows these words.
+    /// The words of the command that runs one test, such as `karat test shaders --exact`. Karat appends the test's
+    /// name.
     pub command: Vec<String>,
     /// The folder that contains `.karat/failures/`, where Karat stores the inputs on which tests have failed.
     pub folder: PathBuf,
@@ -28,7 +28,7 @@ pub fn host(host: Host) {
     drop(HOST.set(host));
 }
 
-/// The program that runs the tests of this process. `None` for Cargo.
+/// The program that runs the tests of this process; `None` if Cargo runs the tests.
 pub(super) fn current() -> Option<&'static Host> {
     HOST.get()
 }

@@ -1,4 +1,4 @@
-//! The running test. The seeds of its cases, and its replay commands, depend on its name.
+//! Identifies the running test. The seeds of the test's cases, and the replay commands, depend on the test's name.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -17,8 +17,7 @@ pub enum NotBegun {
     /// An environment variable has a value that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// The environment asks for a replay of another check, and Karat doesn't know to which test this check
-    /// belongs.
+    /// `KARAT_CASE` selects another check, and Karat doesn't know to which test this check belongs.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
 }
@@ -60,7 +59,7 @@ impl Identity {
         Ok(Self { test, check, settings })
     }
 
-    /// The case that `KARAT_CASE` selects, if `KARAT_CASE` names this check or no check.
+    /// The case that `KARAT_CASE` selects. `None` if `KARAT_CASE` names another check.
     fn selected(&self, function: &str, check: &str) -> Option<&SelectedCase> {
         self.settings.case.as_ref().filter(|selected| match &selected.check {
             Some(named) => *named == label(function, check),
@@ -68,8 +67,8 @@ impl Identity {
         })
     }
 
-    /// The seed of a check: a hash of the names of the test, the function and the check. So the seed doesn't
-    /// depend on the machine or on the order of the tests.
+    /// The seed of a check: a hash of the names of the test, the function and the check. Such a seed is the same on all
+    /// machines, and for any order of the tests. `KARAT_SEED` replaces the seed.
     pub(crate) fn seed(&self, function: &str, check: &str) -> u64 {
         let Settings { seed, case, .. } = self.settings;
         // All ways to pass arguments use the same seed, and so the same cases.
@@ -82,13 +81,13 @@ impl Identity {
         })
     }
 
-    /// The index of the only case to run, if the environment selects a case of this check.
+    /// The index of the only case to run, if `KARAT_CASE` selects a case of this check.
     pub(crate) fn case(&self, function: &str, check: &str) -> Option<u64> {
         Some(self.selected(function, check)?.case)
     }
 
-    /// The way to pass arguments that the environment names for this check. `None` if the environment doesn't
-    /// name this check.
+    /// The way to pass arguments, such as a storage buffer, that `KARAT_CASE` names for this check. `None` if
+    /// `KARAT_CASE` doesn't name this check.
     pub(crate) fn inputs(&self, function: &str, check: &str) -> Option<Inputs> {
         let named = self.settings.case.as_ref()?.check.as_ref()?;
         Inputs::ALL
@@ -101,17 +100,17 @@ impl Identity {
         self.settings.case.is_none() && self.settings.failures
     }
 
-    /// The arguments that replace the arguments of the check's selected case.
+    /// The arguments that `KARAT_INPUT` gives in place of the selected case's own arguments.
     pub(crate) fn input(&self, function: &str, check: &str) -> Option<&[u32]> {
         self.selected(function, check)?.input.as_deref()
     }
 
-    /// The steps of simplification that a replay applies to the check's selected case.
+    /// The steps by which a replay simplifies the selected case.
     pub(crate) fn steps(&self, function: &str, check: &str) -> &[usize] {
         self.selected(function, check).map_or(&[], |selected| &selected.steps)
     }
 
-    /// Makes the command that runs a check again on one path, with one case.
+    /// Makes the command that runs one case of a check again on one path.
     pub(crate) fn replay(
         &self,
         path: Option<Path>,
@@ -175,8 +174,8 @@ fn selecting(test: &str) -> Vec<String> {
 /// The largest number of bytes in the part of a name that selects a test.
 const PART: usize = 100;
 
-/// The name of a check with the way to pass arguments. For a storage buffer, which is the default, returns the
-/// check's name without an addition.
+/// The name of a check and the way to pass arguments, such as `agrees_with@uniform`. A storage buffer is the default,
+/// and adds nothing to the name.
 pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
     match inputs {
         Inputs::Storage => check.to_owned(),
@@ -204,7 +203,7 @@ pub(crate) fn cargo_package() -> String {
     }
 }
 
-/// Writes into the record that the running test skips a frame.
+/// Writes a record that the running test skips a frame.
 pub(crate) fn leave_frame_out() {
     crate::record::leave_out(&test());
 }
@@ -219,8 +218,8 @@ fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }
 
-/// Returns Cargo's options that select the target of a test binary. The binary's folder and file name decide:
-/// `target/debug/deps/fresnel-1a2b...`.
+/// Returns Cargo's options that select the target of a test binary. The binary's path names the target:
+/// `target/debug/deps/fresnel-1a2b...` is `--test fresnel`.
 fn target(exe: &FilePath, package: &str) -> Vec<String> {
     let stem = exe.file_stem().unwrap_or_default().to_string_lossy();
     let name = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);

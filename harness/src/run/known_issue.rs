@@ -28,7 +28,7 @@ pub struct KnownIssue {
 /// The failures on several paths, for a message that contains more than one failure.
 #[derive(Debug)]
 pub struct PathFailures<E> {
-    /// The failures of paths with wrong values, and of wrong declarations.
+    /// The failures of paths with wrong values, and the errors of wrong declarations.
     pub failures: Vec<E>,
     /// The paths that returned no values, each with the reason.
     pub stopped: Vec<(Adapter, E)>,
@@ -37,7 +37,7 @@ pub struct PathFailures<E> {
 }
 
 impl<E: Display> PathFailures<E> {
-    /// The failures as data. The first failure is the headline.
+    /// The failures as data for a record. The headline comes from the first failure.
     pub(crate) fn details(&self, of: impl Fn(&E) -> Details) -> Details {
         let mut all = self.failures.iter().map(&of);
         let mut details = all.next();
@@ -76,7 +76,7 @@ impl<E: Display> Display for PathFailures<E> {
     }
 }
 
-/// A declaration about a path that is wrong, or that has no reason.
+/// The error in a declaration (`fails_on`, `refused_on`): the declaration is wrong, or has no reason.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum WrongDeclaration {
     /// A path passes, although it is declared to fail.
@@ -134,8 +134,8 @@ pub(crate) fn sound_paths<T>(
 }
 
 impl WrongDeclaration {
-    /// Returns `true` if a declared bug doesn't occur any more, because that is a verdict. Returns `false` for
-    /// other wrong declarations, because they are errors.
+    /// Checks if a declared bug doesn't occur any more. Only such a declaration fails the check as a verdict. The other
+    /// wrong declarations are errors.
     pub(crate) fn is_verdict(&self) -> bool {
         matches!(self, Self::UnexpectedPass { .. } | Self::NotRefused { .. })
     }
@@ -143,9 +143,9 @@ impl WrongDeclaration {
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KnownIssues {
-    /// The paths that return wrong values, each with the reason.
+    /// The paths in `fails_on`, each with the reason.
     values: Selected<String>,
-    /// The paths that refuse the program, each with the reason.
+    /// The paths in `refused_on`, each with the reason.
     refusals: Selected<String>,
 }
 
@@ -268,7 +268,7 @@ fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
 
 /// The judged values of a path.
 pub(crate) struct Judged<V> {
-    /// The record of the path. `conclude` adds the declaration to the record.
+    /// The record of the path. `conclude` adds the declared reason to the record.
     pub(crate) record: PathRecord,
     pub(crate) values: V,
 }
@@ -276,12 +276,12 @@ pub(crate) struct Judged<V> {
 pub(crate) type JudgePath<'j, V, E> =
     &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
 
-/// The reason why a check, a frame or passes fail.
+/// The failure of a check: of a function, a frame or passes.
 pub(crate) trait Stop: Fails + From<WrongDeclaration> {
     /// Checks if a path refused the program before any part of the program ran.
     fn is_refusal(&self) -> bool;
 
-    /// The cause, as text. A report shows paths with the same cause together.
+    /// The cause of the failure, as text. If all paths stop with the same cause, the report has one error.
     fn cause(&self) -> String {
         self.to_string()
     }
@@ -330,8 +330,8 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.known.extend(other.known);
     }
 
-    /// Returns the paths that agree, or all failures. `differ` receives the paths with wrong values and the
-    /// paths that agree, and returns failures.
+    /// Returns the paths that agree, or all failures. `differ` makes the failures from the paths with wrong values and
+    /// the paths that agree.
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
@@ -382,8 +382,8 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Blames the text if a failure points into the text. Otherwise blames the setting that the first failure about
-/// a setting names.
+/// Blames the shader's text if one of the failures blames the text. Otherwise blames the setting in the first failure
+/// about a setting.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);
@@ -402,7 +402,7 @@ mod tests {
     #[derive(Debug)]
     enum Error {
         Late,
-        /// The error of a path that stops for this reason.
+        /// The error of a path that returns no values, with its reason.
         Other(&'static str),
         Refused,
         Declaration,
@@ -453,7 +453,7 @@ mod tests {
         Adapter { path, name, driver: String::new(), software: true }
     }
 
-    /// The first failure is the headline. The other paths keep their own failures.
+    /// The headline comes from the first failure. The other paths keep their own failures.
     #[test]
     fn the_fault_of_each_path_is_kept() {
         let of = |failures: Vec<Error>, stopped: Vec<(Adapter, Error)>| {
@@ -600,7 +600,7 @@ mod tests {
         }
     }
 
-    /// The test may add results of the same path several times. Each result counts.
+    /// A check may judge the same path several times. Each result counts.
     #[test]
     fn several_results_of_one_path_all_count() {
         let stops = |path: &str| Conclusion::<(), Error> {

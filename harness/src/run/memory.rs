@@ -1,4 +1,4 @@
-//! The inputs on which a test has failed. A file stores them, and the test's next runs try them first.
+//! Stores the inputs on which a test has failed in a file. The test's next runs try these inputs first.
 //!
 //! The file is `.karat/failures/<target>/<test>.txt`, beside the package's `Cargo.toml`. It has one line for
 //! each input. An input stays in the file even after it passes, until you delete the file. If the function or
@@ -33,17 +33,19 @@ pub(crate) struct Entry {
     pub(crate) check: String,
     /// The path on which the input failed first. Karat tries the input on every path.
     pub(crate) path: String,
-    /// The words of the arguments. Empty for an integral, because its cases may have any type.
+    /// The words of the arguments. Empty for a check of an integral, because the cases of such a check may have any
+    /// type.
     pub(crate) words: Vec<u32>,
-    /// The origin of the value. Some domains, such as mapped domains, can't tell if they contain a value. For
-    /// such a domain, Karat makes the value again from its origin, and compares the two values.
+    /// The origin of the value. Some domains, such as mapped domains, can't tell if they contain a value. For such a
+    /// domain, Karat makes the value again from its origin. If the new value differs from the stored value, Karat
+    /// ignores the input.
     pub(crate) descent: Descent,
     /// The arguments, as text for people.
     pub(crate) comment: String,
 }
 
-/// The origin of a simplified value: a seed, a case, and the index of the simpler value that Karat chose in
-/// each round of the simplification.
+/// The origin of a simplified value: the seed and the index of the original case, and the index of the simpler value
+/// that Karat chose in each step of the simplification.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Descent {
     pub(crate) seed: u64,

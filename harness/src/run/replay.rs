@@ -1,9 +1,9 @@
-//! Makes a test fail if `KARAT_CASE` is set, but the test doesn't replay a case.
+//! Makes a test fail if `KARAT_CASE` selects a case, but the test doesn't run this case.
 //!
-//! `KARAT_CASE` names one check. A test runs its checks in order, so the checks before the named check run as
-//! usual. Only the end of the test shows that no check has the name in `KARAT_CASE`. Test runners have no hook
-//! at the end of a test. But each test has its own thread, and the runtime drops the thread's local values
-//! before the runner continues. At that point this process prints an error and ends.
+//! `KARAT_CASE` names one check. A test runs its checks in order, so Karat learns only at the end of the test that no
+//! check has this name. Test runners have no hook at the end of a test. But each test has its own thread, and the
+//! runtime drops the thread's local values before the runner continues. `Replay` is such a value: its `drop` prints an
+//! error and ends the process.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -16,7 +16,7 @@ thread_local! {
     static REPLAY: RefCell<Replay> = RefCell::default();
 }
 
-/// The progress of the replay that the environment asks for, in the running test.
+/// The checks of the running test, for the replay that `KARAT_CASE` selects.
 #[derive(Debug, Default)]
 struct Replay {
     /// The checks that ran, as `function/check`, without duplicates.
@@ -25,12 +25,12 @@ struct Replay {
     done: bool,
 }
 
-/// The environment selects another check for a replay, and this check runs in a thread without a name. So Karat
-/// doesn't know to which test this check belongs.
+/// `KARAT_CASE` selects another check, and this check runs in a thread without a name. So Karat doesn't know to which
+/// test this check belongs.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so Karat can't \
-     tell which test runs this check"
+     tell which test runs this check: run the check in the test's own thread"
 )]
 pub struct NotReplayed {
     /// The name of the check with its function, or the name of the frame.
@@ -43,7 +43,7 @@ pub struct NotReplayed {
 ///
 /// # Errors
 /// Returns an error if the check isn't the selected check, and runs in a thread that the test started. Such a thread
-/// may end long before the selected check runs, so the thread's end doesn't show the end of the test.
+/// may end before the selected check runs, so the end of the thread isn't the end of the test.
 pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed> {
     let Some(selected) = &settings.case else { return Ok(()) };
     let named = selected.check.as_deref();
@@ -63,7 +63,7 @@ pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed>
 /// Notes that the comparison of a frame begins.
 ///
 /// # Errors
-/// Returns an error if an environment variable can't be used. Also returns the errors of [`begin`].
+/// Returns an error if an environment variable can't be used. Also returns an error if [`begin`] does.
 pub(crate) fn begin_frame(name: &str) -> Result<(), NotBegun> {
     Ok(begin(settings::current()?, &format!("frame {name}"))?)
 }

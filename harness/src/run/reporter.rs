@@ -12,8 +12,8 @@ use crate::record::{self, Details, PathRecord, Record, Stopwatch, Subject, Verdi
 
 /// The reason why a check fails, with the information for the check's record.
 pub trait Fails: Display + Blamed {
-    /// Checks if the failure is a verdict, because values or a declaration are wrong. Otherwise the record
-    /// contains an error.
+    /// Returns `true` if values or a declaration are wrong: the verdict in the record is `fail`. Otherwise the verdict
+    /// is `error`.
     fn is_verdict(&self) -> bool;
 
     /// Checks if the check failed because it tests nothing, for example because the result is the same for all
@@ -27,7 +27,7 @@ pub trait Fails: Display + Blamed {
         Details::of(&self.to_string()).at(self.blame().message)
     }
 
-    /// The place of the function as `file:line:column`, if the failure contains this place.
+    /// The location of the function as `file:line:column`, if the failure contains the location.
     fn location(&self) -> Option<String> {
         None
     }

@@ -80,8 +80,8 @@ struct WrittenPipeline {
     broke: Option<String>,
 }
 
-/// FNV-1a over the UTF-16 code units of a text, which JavaScript can compute in one line. It detects an answer about
-/// another text, or about a text that lost bytes.
+/// A checksum of a text: FNV-1a over the UTF-16 code units, which JavaScript can compute in one line. The checksum
+/// detects an answer about another text, or about a text that lost bytes.
 pub(super) fn sum(text: &str) -> u32 {
     const OFFSET: u32 = 0x811c_9dc5;
     const PRIME: u32 = 0x0100_0193;
@@ -111,7 +111,7 @@ pub(super) fn read(line: &str, id: u64, text: &str) -> Result<Answer, NoVerdict>
     Ok(Answer { messages: messages.collect(), pipelines: rejected.collect(), made_pipelines: true })
 }
 
-/// The byte range of these UTF-16 code units.
+/// The byte range of the `length` UTF-16 code units that start at `offset`.
 fn bytes(text: &str, offset: usize, length: usize) -> Range<usize> {
     let mut units = 0;
     let mut at = |wanted: usize| {

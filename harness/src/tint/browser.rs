@@ -1,7 +1,7 @@
 //! Asks Tint in Chromium, through the DevTools protocol (CDP) over a pipe. The browser ends when the pipe closes.
 //!
-//! WebGPU works only in pages from this machine, so the browser opens an empty file, and evaluates questions in that
-//! page.
+//! The browser's first page is empty and has no WebGPU. So the browser opens an empty file, and evaluates questions in
+//! the file's page.
 
 use std::path::Path;
 use std::process::Command;
@@ -19,7 +19,7 @@ const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
     \"$0\" \"$@\" --user-data-dir=\"$d/profile\" \"file://$d/page.html\" 3<&0 4>&1 </dev/null >/dev/null; \
     rm -rf \"$d\"";
 
-/// The time in which a browser opens the file on a busy machine.
+/// The time limit for opening the file. A busy machine needs seconds.
 const LOADING: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(20);
 
@@ -90,7 +90,7 @@ impl Page {
         Ok(page)
     }
 
-    /// Waits until the page shows the file. Before that, the page is empty and has no WebGPU.
+    /// Waits until the page shows the file, and so has WebGPU. Stops waiting after [`LOADING`].
     fn load(&mut self, patience: Duration) -> Result<(), NoVerdict> {
         let until = Instant::now() + LOADING;
         while Instant::now() < until {
@@ -146,7 +146,8 @@ impl Page {
     }
 }
 
-/// Checks if the user is root. Chromium has no sandbox for root on Linux, but it evaluates only Karat's code here.
+/// Checks if the user is root. On Linux, root must run Chromium without a sandbox. Karat can do this, because Chromium
+/// evaluates only Karat's code.
 #[cfg(target_os = "linux")]
 fn is_root() -> bool {
     use std::os::unix::fs::MetadataExt;

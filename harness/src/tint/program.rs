@@ -39,8 +39,8 @@ struct Place {
     column: usize,
 }
 
-/// Checks if a program is Tint, because Debian has a desktop panel of the same name. Returns an error if the program
-/// doesn't end in time, because such a program may still be Tint.
+/// Checks if a program called `tint` is the compiler Tint, because Debian has a desktop panel of the same name. Returns
+/// an error if the program doesn't end in time, because such a program may still be Tint.
 pub(super) fn is_tint(program: &Path) -> Result<bool, String> {
     let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
     match lines::output(Command::new(program).arg("--help"), PATIENCE, MOST_BYTES) {
@@ -69,7 +69,7 @@ impl Folder {
     }
 }
 
-/// Removes the folders of processes that were killed.
+/// Removes the temporary folders of Karat processes that were killed.
 fn remove_left() {
     let processes = Path::new("/proc");
     if !processes.join("self").exists() {

@@ -8,14 +8,14 @@ pub enum Reason {
     Uniformity,
     /// A constant that is too large for its type.
     Range,
-    /// A constant expression without a value: a division by 0, an index outside of the array, or edges in the wrong
-    /// order.
+    /// A constant expression without a value: a division by 0, an index outside of the array, or bounds of `clamp` in
+    /// the wrong order.
     Constant,
     /// Operators that need parentheses, because WGSL defines no precedence for them.
     Precedence,
     /// An atomic that is used as a plain value.
     Atomic,
-    /// A feature without its `enable`.
+    /// A language extension without its `enable`, such as `f16` without `enable f16;`.
     Enable,
     /// Several pointers to one variable.
     Aliasing,
@@ -31,8 +31,8 @@ pub enum Reason {
     Other,
 }
 
-/// Parts of Tint's messages, which have no codes. A test asks Tint for a message of each kind, to detect changes in
-/// Tint's texts.
+/// Parts of Tint's messages, by which Karat recognizes the kind of a message, because the messages have no codes. A
+/// test asks Tint for a message of each kind, to detect changes in Tint's texts.
 const PARTS: [(&str, Reason); 32] = [
     ("must only be called from uniform control flow", Reason::Uniformity),
     ("must be uniform", Reason::Uniformity),
@@ -76,7 +76,7 @@ impl Reason {
         of.map_or(Self::Other, |(_, reason)| *reason)
     }
 
-    /// The name of the kind in tables.
+    /// The name of the kind of reason, for tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -125,7 +125,7 @@ impl Reason {
                 "Chrome's WGSL doesn't have this name: write the code without the name, or run the shader only with wgpu"
             }
             Self::Pipeline | Self::Other => {
-                "the shader can't run in Chrome, Edge, Node and Electron"
+                "the shader can't run in Chrome, Edge, Node or Electron"
             }
         }
     }

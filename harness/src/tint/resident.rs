@@ -17,7 +17,7 @@ use crate::settings;
 const START: Duration = Duration::from_secs(45);
 /// The time limit for one text, unless KARAT_TIMEOUT is lower. A text usually takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The largest number of starts in a run. Some texts end the process.
+/// The largest number of times that one call of [`ask`] starts the process. Some texts make the process end.
 const MOST_STARTS: usize = 3;
 
 const NODE: &str = include_str!("node.mjs");
@@ -89,8 +89,8 @@ impl Resident {
         }
     }
 
-    /// Sends all questions, and reads the answers one by one. After a question without an answer, the list ends with an
-    /// error.
+    /// Sends all questions, and reads the answers one by one. If a question gets no answer, the list ends with the
+    /// error of this question.
     fn ask(&mut self, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
         #[derive(serde::Serialize)]
         struct Numbered<'q> {
@@ -133,7 +133,8 @@ impl Resident {
     }
 }
 
-/// The verdicts of the process. If a text ends the process, Karat starts the process again.
+/// The process's verdicts on all texts, in the order of the questions. If a text ends the process, Karat starts the
+/// process again.
 pub(super) fn ask(
     kind: &Kind,
     resident: &mut Option<Resident>,

@@ -43,7 +43,7 @@ pub(crate) enum What {
     Written,
 }
 
-/// The keys that assert the same about functions and about resources.
+/// The assertions that tests of functions and tests of resources both have, each under its key.
 pub(crate) struct Shared<'k> {
     pub(crate) agrees_with: &'k Option<String>,
     pub(crate) table: &'k Option<PathBuf>,
@@ -66,7 +66,7 @@ impl Shared<'_> {
     }
 }
 
-/// The assertion of a key whose value is `true`. `None` without the key; an error for `false`.
+/// The assertion of a key whose only possible value is `true`. `None` if the test doesn't have the key.
 pub(crate) fn switched(
     key: &'static str,
     value: Option<bool>,
@@ -145,7 +145,8 @@ const TAKEN: [(&str, &[&str]); 8] = [
     ("up_to_order", &["equals", "table", "agrees_with"]),
 ];
 
-/// The assertions whose arguments are sampled. `table` isn't in this list, because the table's rows have the arguments.
+/// The assertions whose arguments are sampled. `table` isn't in this list, because the rows of the table contain the
+/// arguments.
 const DRAWN: [&str; 14] = [
     "agrees_with",
     "golden",

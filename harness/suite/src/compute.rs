@@ -109,8 +109,8 @@ struct Expected {
     table: Option<PathBuf>,
     /// Asserts that the resource has the contents that were accepted as `golden/NAME.csv`.
     golden: Option<String>,
-    /// Asserts that another entry point in place of the last one writes the same contents. Karat's engine runs the
-    /// other entry point, over as many workgroups.
+    /// Asserts that this entry point, in place of the last one, writes the same contents. Karat's engine runs this
+    /// entry point with the same number of workgroups.
     agrees_with: Option<String>,
     /// Asserts that the elements are in ascending order (`true`), or in descending order (`"descending"`).
     sorted: Option<Value>,
@@ -142,7 +142,7 @@ pub(crate) struct Assertion {
     pub(crate) declared: Declared,
     /// The paths of the entry points, and their workgroups.
     passes: Vec<(String, [u32; 3])>,
-    /// The asserted resource; empty for an assertion about the passes.
+    /// The name of the resource that the assertion is about; empty for an assertion about the passes.
     variable: String,
     what: What,
     tolerance: Option<String>,
@@ -167,7 +167,7 @@ fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
         | HazardKind::Saturated
         | HazardKind::EdgesReversed => Ok(()),
         HazardKind::LostDigits | HazardKind::Unbounded | HazardKind::Endless => {
-            wrong("Karat doesn't check passes for hazards of this kind")
+            wrong("Karat doesn't check passes for hazards of this kind: remove the kind")
         }
         _ => {
             wrong("Karat checks each [[compute]] for hazards of this kind anyway: remove the kind")
@@ -308,7 +308,7 @@ impl Assertion {
         self.passes.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The last pass's entry point, whose name the test's records have.
+    /// The entry point of the last pass. The test's records contain this name.
     pub(crate) fn last(&self) -> &str {
         self.passes.last().map_or("", |(name, _)| name)
     }
@@ -344,7 +344,7 @@ impl Assertion {
         }
     }
 
-    /// All text on which the verdict depends, except for files.
+    /// All text on which the verdict depends, except for the contents of files.
     pub(crate) fn normalized_text(&self, package: &Package) -> Option<String> {
         let mut text = format!("{:?} {} {:?}", self.declared, self.variable, self.what);
         let reference = if let What::AgreesWith(entry) = &self.what {
@@ -381,7 +381,7 @@ impl Assertion {
         }
     }
 
-    /// The table row of the first element that differs, as the end of a message.
+    /// The end of a message about a table: the row of the first element that differs.
     pub(crate) fn row_of(&self, error: &ComputeError) -> Option<String> {
         let (What::Table(file), ComputeError::Differs(found)) = (&self.what, error) else {
             return None;
@@ -400,7 +400,8 @@ impl Assertion {
         tolerance(text).map_err(Misdeclared::of("tolerance"))
     }
 
-    /// Binds the resources and adds the passes. The entry point `last` may replace the last pass.
+    /// Binds the resources and adds the passes. If `last` is an entry point, it replaces the entry point of the last
+    /// pass.
     fn compute<'p>(
         &self,
         package: &'p Package,
@@ -758,7 +759,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The first element that differs between two lists.
+/// The first element that differs between two lists, and the number of elements that differ.
 fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let pairs = was.chunks(width).zip(is.chunks(width)).enumerate();
@@ -768,7 +769,7 @@ fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     Some(Broken { failures: wrong.len(), first: Some(first) })
 }
 
-/// The first element that occurs more often in one list than in the other.
+/// The first element of `is` that occurs more often in `is` than in `was`, or else an element that `is` lacks.
 fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let mut left: HashMap<&[u32], i64> = HashMap::new();

@@ -46,7 +46,7 @@
 //! | `monotone = { x = "increasing" }` | the result never falls as `x` rises |
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches 1 as `alpha` goes to 0 |
 //! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, which is a direction, is 1; `at_most` sets an upper bound instead |
-//! | `no_hazards = true` | no value in the function becomes NaN or infinite, or loses half of its digits |
+//! | `no_hazards = true` | no operation in the function has a hazard |
 //! | `no_hazards = ["nan", "out_of_range"]` | no operation in the function has a hazard of these kinds |
 //!
 //! An entry point is a function, too: `function = "fs_main"` calls it with its inputs. Compute passes are dispatched:
@@ -67,13 +67,13 @@
 //! | `equals = [1, 2]` | the resource has this value; a single number is the value of each component |
 //! | `table = "file.csv"` | the elements equal the rows of the file, whose columns are `x,y,z` or `value` |
 //! | `golden = "name"` | the contents equal the accepted ones in `golden/name.csv` |
-//! | `agrees_with = "entry"` | another entry point in place of the last one, which Karat's engine runs, writes the same contents |
+//! | `agrees_with = "entry"` | this entry point, which Karat's engine runs in place of the last one, writes the same contents |
 //! | `sorted = true` | the elements are in ascending order; with `"descending"`, in descending order |
 //! | `sum_of = "input"` | the numbers have the same sum as those that the buffer `input` contains before the passes |
 //! | `permutation_of = "input"` | the elements are those that the buffer `input` contains before the passes, in any order |
 //! | `unchanged = true` | the passes don't change the contents |
 //! | `written = true` | the invocations write each element of the buffer, or each texel of the texture |
-//! | `in_range = [0, 1]`, `finite = true` | each component is in the range, or finite |
+//! | `in_range = [0, 1]`, `finite = true` | each component is in the range; each component is finite |
 //!
 //! `no_hazards = true`, or a list of kinds, beside `entry` asserts that no operation in the passes gives NaN or an
 //! infinity, or divides by 0. Without a `tolerance`, numbers are compared exactly. The sanitizer checks the passes of
@@ -163,7 +163,7 @@ pub(crate) struct Declared {
     /// Asserts that each result is a vector at right angles to this argument. A zero vector has no angle, and fails.
     perpendicular_to: Option<String>,
     /// Asserts that each result has three unit vectors at right angles, and that the third is the cross product of the
-    /// first two: `true`. They are the columns of a `mat3x3f` or the members of a structure.
+    /// first two: `true`. The vectors are the columns of a `mat3x3f` or the members of a structure.
     right_handed_frame: Option<bool>,
     /// Asserts that each component of a result is in this range: `"0..1"`, `[0, 1]`, or `"0..<1"`, which excludes the
     /// end.
@@ -209,7 +209,8 @@ impl TryFrom<Value> for Relative {
     }
 }
 
-/// A list of exactly two elements. For an array type, serde would silently ignore further elements.
+/// A list of exactly two elements. Serde would read a longer list into an array type, and silently ignore the further
+/// elements.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Vec<T>")]
 pub(crate) struct Pair<T>(pub(crate) [T; 2]);
@@ -428,7 +429,7 @@ impl Frame {
             .collect()
     }
 
-    /// The subject for the record of a frame that couldn't begin.
+    /// The subject in the record of a frame whose test can't begin.
     pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
         Subject::Frame {
             golden: self.name.clone(),
@@ -477,7 +478,7 @@ impl Assertion {
     }
 }
 
-/// The parser's message about an unknown name, which suggests the nearest known name.
+/// Replaces the list of known names in the parser's message by a suggestion: ``did you mean `finite`?``.
 fn with_nearest(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let unknown = names.next().filter(|_| message.starts_with("unknown "));
@@ -492,8 +493,8 @@ fn with_nearest(message: &str) -> String {
     }
 }
 
-/// Reads a file of declared tests, and reports each table with an error. `unsaved` replaces the file's content. `root`
-/// is the package's folder or file.
+/// Reads the tests in a TOML file, and returns an error for each wrong table. If `unsaved` is set, it is the text to
+/// read instead of the file's content. `root` is the package's folder or file.
 pub(crate) fn read(
     file: &Path,
     unsaved: Option<String>,
@@ -700,7 +701,7 @@ pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     stem.split(['/', '\\']).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("::")
 }
 
-/// The assertions of a test; an error if it has none.
+/// The assertions of a test; an error if the test has no assertion.
 fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
     let shared = Shared {
         agrees_with: &test.agrees_with,

@@ -8,9 +8,9 @@
 //! | a struct | a table with a domain for each member |
 //! | any type, if the function takes derivatives | any domain; or `{ value = "0..1", dx = 0.1, dy = 0 }` with the change to the next pixel |
 //!
-//! If a test doesn't set an argument's domain, Karat takes the domain from `[inputs]` in `karat.toml`. Otherwise Karat
-//! derives the domain from the argument's name and type, as `karat hazards` does: `n` is a unit vector, `roughness` is
-//! from 0 to 1.
+//! If a test doesn't set an argument's domain, Karat takes the domain from `[inputs]` in `karat.toml`. If `[inputs]`
+//! doesn't have the argument, Karat derives the domain from the argument's name and type, as `karat hazards` does: `n`
+//! is a unit vector, `roughness` is from 0 to 1.
 
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::domain::Part;
@@ -20,7 +20,8 @@ use toml::Value;
 
 use crate::relations;
 
-/// The parts of a parameter's domain. If the text leaves members out, `name` determines their domains.
+/// The parts of a parameter's domain, one for each number or vector in the parameter. If `value` leaves out a member,
+/// the member's name and type determine its part.
 pub(crate) fn parts(
     name: &str,
     shape: &Shape,
@@ -98,8 +99,8 @@ pub(crate) fn parts(
     }
 }
 
-/// The parts of a value that varies from pixel to pixel: a domain of the value, or `{ value = "0..1", dx = 0.1, dy = 0
-/// }`. Karat generates the parts that the text leaves out.
+/// The parts of the domain of a value that varies from pixel to pixel. `value` is a domain, or a table `{ value =
+/// "0..1", dx = 0.1, dy = 0 }`. Karat chooses the parts that the table leaves out.
 fn varying(
     name: &str,
     shape: &Shape,
@@ -134,7 +135,7 @@ fn varying(
     Ok(all)
 }
 
-/// A vector's domain by name, such as `"unit_vector"`; `None` if the text isn't such a name.
+/// The domain with a name that only vectors have, such as `"unit_vector"`; `None` if the text isn't such a name.
 fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
     let size = match shape {
         Shape::Vector { size, scalar: Scalar::F32 } => *size,
@@ -251,7 +252,7 @@ pub(crate) fn is_number(value: &Value) -> bool {
     matches!(value, Value::Float(_) | Value::Integer(_) | Value::Boolean(_))
 }
 
-/// The lanes of a whole value. One number sets each component of a vector.
+/// The scalars of a whole value, as `u32` words. One number sets each component of a vector.
 pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
     match (shape, value) {
         (Shape::Scalar(scalar), value) => Ok(vec![lane(*scalar, value)?]),

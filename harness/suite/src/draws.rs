@@ -25,7 +25,7 @@ pub(crate) struct Declared {
     /// A CSV file with a row for each vertex. The columns are the vertex function's inputs with a `@location`. Location
     /// 0 is the position.
     mesh: Option<PathBuf>,
-    /// The vertices of each triangle, as row numbers from 0. By default, each three rows are a triangle.
+    /// The vertices of each triangle, as row numbers from 0. By default, every three rows are a triangle.
     indices: Option<Vec<u32>>,
     /// The number of vertices without a mesh; the function reads `@builtin(vertex_index)`. The default is 3.
     vertices: Option<u32>,
@@ -94,8 +94,8 @@ impl Declared {
         Some(folder.join(self.mesh.as_ref()?))
     }
 
-    /// Makes the draw. If the program `lacks` one of the draw's functions, the mesh isn't read, and drawing reports the
-    /// missing function.
+    /// Makes the draw. If the program `lacks` one of the draw's functions, this method doesn't read the mesh, and the
+    /// error comes later, from the draw.
     pub(crate) fn draw(
         &self,
         program: &Arc<Program>,

@@ -13,7 +13,7 @@ use karat::unstable::package::unsaved_of;
 use crate::declared;
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
-/// The reason why no tests were found.
+/// The reason why Karat can't search for tests.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {
@@ -81,7 +81,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
 }
 
-/// The message that Karat doesn't read a file, with the endings that it reads.
+/// The error message about a test file that Karat doesn't read, with the file endings that Karat reads.
 fn unread(file: &Path) -> Diagnostic {
     let read = match is_misnamed_module(file) {
         true => "Karat reads tests in WGSL from `*.wgsl` and `*.wesl`".to_owned(),
@@ -114,7 +114,8 @@ fn stem_of(name: &str) -> Option<&str> {
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
-/// Checks if a file with another name, such as `tests.toml`, declares tests. Its author probably expects them to run.
+/// Checks if a file with another name, such as `tests.toml`, declares tests. The author of the file probably expects
+/// these tests to run.
 fn declares(file: &Path, name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
     // Skips the copies that editors and git make, and Cargo's files.

@@ -135,8 +135,8 @@ pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// Reads an image. The texels are colours, unless the image's colour space is `linear` or the texture stores integers
-/// or depths.
+/// Reads an image. Converts sRGB to linear colours, except if the image's colour space is `linear`, or if the texture
+/// stores integers or depths.
 fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let (name, space) = name_and_space(file);
     if name.is_empty() {
@@ -166,7 +166,7 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     Ok(image)
 }
 
-/// The value of a PNG's brightest sample; 1 for other images.
+/// The largest value that a sample of a PNG can have, 255 or 65535; 1 for other images.
 fn largest_sample(bytes: &[u8]) -> f32 {
     match (bytes.starts_with(b"\x89PNG"), bytes.get(24)) {
         (true, Some(16)) => 65535.0,
@@ -524,7 +524,8 @@ fn buffer(
     Ok(Buffer::from_bytes(bytes).into())
 }
 
-/// The number of elements in a list. The list may have one number for each component.
+/// The number of array elements that a list declares. The list has one entry for each element, or one number for each
+/// component of all elements.
 fn listed(element: &Shape, list: &[Value]) -> usize {
     match list.iter().all(is_number) {
         true => list.len().div_ceil(element.lanes().len().max(1)),
@@ -532,7 +533,7 @@ fn listed(element: &Shape, list: &[Value]) -> usize {
     }
 }
 
-/// Checks if a runtime-sized array, which is the value or its last member, has no length yet.
+/// Checks if a shape is, or ends in, a runtime-sized array without elements.
 fn is_left_empty(shape: &Shape) -> bool {
     match shape {
         Shape::Array { length, .. } => *length == 0,
@@ -543,7 +544,7 @@ fn is_left_empty(shape: &Shape) -> bool {
     }
 }
 
-/// The lanes of an array's elements as a TOML list.
+/// The scalars of an array's elements as a TOML list.
 fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     let scalars = element.lanes();
     let one = |(word, scalar): (&u32, &Scalar)| match scalar {
@@ -555,9 +556,9 @@ fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     Value::Array(lanes.iter().zip(scalars.iter().cycle()).map(one).collect())
 }
 
-/// The lanes of an array from its size and its elements' domain, `{ size = 256, range = "0..1" }`, or from a value for
-/// all elements, `{ size = 256, value = 1 }`. Without a range or a value, all lanes are 0. A fixed-size array needs no
-/// `size`.
+/// The scalars of an array that a table declares. The elements are samples, `{ size = 256, range = "0..1" }`, or copies
+/// of one value, `{ size = 256, value = 1 }`. Without `range` and `value`, all scalars are 0. A fixed-size array needs
+/// no `size`.
 fn spread(
     name: &str,
     (element, length): (&Shape, u32),
@@ -608,7 +609,8 @@ fn spread(
     }
 }
 
-/// The lanes of `size` elements, sampled from the table's `range` with its `seed`; `None` without a range.
+/// The scalars of `size` elements, sampled from the table's `range` with the table's `seed`; `None` if the table has no
+/// `range`.
 fn drawn(
     name: &str,
     element: &Shape,
@@ -790,7 +792,7 @@ mod tests {
         assert_eq!(depths.len(), 64);
     }
 
-    /// A fixed-size array needs no list and no size.
+    /// A fixed-size array needs neither a list nor a size: `{ range = "0..1" }` is enough.
     #[test]
     fn fixed_arrays_are_spread() {
         let of = |value: &str| {

@@ -3,10 +3,10 @@
 //! A package can declare tests in two forms. Both forms use Karat's checks, with the same verdicts, records, simplest
 //! failures and replays:
 //!
-//! - **In WGSL**: a function with `@test` in any module. It calls expectations such as `expect_near` from the package
-//!   `karat`, or the expectations of the WESL community's package `wgsl_test`. See [`WgslTest`].
-//! - **In TOML**: a file `brdf.test.toml` beside `brdf.wgsl`. It asserts properties of the module's functions. See
-//!   [`declared`].
+//! - **In WGSL**: a function with `@test` in any module. The function calls expectations such as `expect_near` from the
+//!   package `karat`, or the expectations of the WESL community's package `wgsl_test`. See [`WgslTest`].
+//! - **In TOML**: a file `brdf.test.toml` beside `brdf.wgsl`. The file asserts properties of the module's functions.
+//!   See [`declared`].
 //!
 //! ```no_run
 //! let suite = karat_suite::Suite::open("shaders".as_ref()).unwrap();
@@ -62,7 +62,7 @@ pub struct Suite {
     pub tests: Vec<Test>,
     /// The modules, files and tests that can't run, each with its error. Each counts as a failure.
     pub broken: Vec<Broken>,
-    /// The linked text of each function that declared tests call.
+    /// The linked text of each function that declared tests call, by the function's path.
     fingerprints: OnceLock<BTreeMap<String, String>>,
 }
 
@@ -95,8 +95,8 @@ impl Test {
         test.into_iter().flat_map(|test| test.calls())
     }
 
-    /// The entry points that an assertion of a `[[compute]]` dispatches, in order. Empty for other tests. Records have
-    /// the last entry point's name.
+    /// The entry points that an assertion of a `[[compute]]` dispatches, in order. Empty for other tests. The test's
+    /// records have the name of the last entry point.
     pub fn dispatches(&self) -> impl Iterator<Item = &str> {
         let passes = if let Kind::Compute(assertion) = &self.kind { Some(assertion) } else { None };
         passes.into_iter().flat_map(|passes| passes.entries())
@@ -142,8 +142,9 @@ pub struct Broken {
     pub name: String,
     /// The error, with its position.
     pub wrong: Wrong,
-    /// `true` for a file that its author probably meant as a test file, but in which Karat finds no valid test. Such a
-    /// file is an error in any package. A module, in contrast, may need other packages to be valid.
+    /// `true` for an error in a test file, or in a file that its author probably meant as a test file. Such an error
+    /// counts in any package. A module with an error, in contrast, may be valid together with modules of other
+    /// packages.
     pub is_file: bool,
 }
 

@@ -12,8 +12,9 @@ use crate::fixtures::name_and_space;
 use crate::{Kind, Suite, Test};
 
 impl Suite {
-    /// Everything on which a test's verdict depends, except for the driver, and the comments and blanks of shaders.
-    /// `None` if Karat can't determine all of this, for example if a shader is invalid.
+    /// The text of everything on which a test's verdict depends: shaders without comments and blanks, the declaration,
+    /// and the files. The driver isn't in this text. `None` if Karat can't determine all of this, for example if a
+    /// shader is invalid.
     #[must_use]
     pub fn normalized_text(&self, test: &Test) -> Option<String> {
         match &test.kind {
@@ -52,7 +53,7 @@ impl Suite {
         }
     }
 
-    /// The files that the tests read, except for modules: tables, goldens, images and values.
+    /// The files that the tests read, except for modules: tables, goldens, meshes, and the images and values in `with`.
     #[must_use]
     pub fn reads(&self) -> BTreeSet<PathBuf> {
         let mut all = BTreeSet::new();
@@ -127,7 +128,7 @@ fn named<'v>(
     }
 }
 
-/// The contents of the images and value files that a test binds, also of files in lists.
+/// The hashes of the images and value files that a test binds, also of files in lists.
 fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
     with.try_fold(String::new(), |all, value| {
         Some(match value {

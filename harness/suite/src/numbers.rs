@@ -27,8 +27,8 @@ pub fn hexadecimal(word: &str) -> Option<f64> {
     Some(sign * value)
 }
 
-/// The lane of an argument from a table cell; `None` if the cell isn't a value of this type. A float may be `inf`,
-/// `-inf` or `nan`, so that a table can test how a function handles them.
+/// Parses a table cell as a scalar of an argument, and returns its bits. `None` if the cell isn't a value of this type.
+/// A float may be `inf`, `-inf` or `nan`, so that a table can test how a function handles them.
 pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     let unsigned = cell.strip_prefix(['-', '+']).unwrap_or(cell);
     let named = unsigned.to_ascii_lowercase();
@@ -58,8 +58,8 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// Checks if a component can represent a number. Integers and `bool` must represent it exactly. For floats, the number
-/// must not overflow.
+/// Checks if a component can represent a number. Integers and `bool` must represent the number exactly. For floats, the
+/// number must not overflow.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,

@@ -30,7 +30,9 @@ impl Range {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };
         let wrong = || {
-            format!("in_range = {quote}{self}{quote} contains no number: write the lower end first")
+            format!(
+                "in_range = {quote}{self}{quote} contains no number: write the lower end first, then a higher end"
+            )
         };
         if is_some { Ok(self) } else { Err(wrong()) }
     }

@@ -9,19 +9,19 @@ use toml::Value;
 
 use crate::domains::no_such;
 
-/// The key that declares such a domain.
+/// The key that makes a vector perpendicular to other vectors.
 pub(crate) const KEY: &str = "perpendicular_to";
 
-/// A vector in the arguments: `n`, `surface.tangent`, `frames[1].t`.
+/// A vector that is an argument or a part of an argument: `n`, `surface.tangent`, `frames[1].t`.
 #[derive(Clone, Debug)]
 struct Vector {
     path: String,
     lanes: Range<usize>,
-    /// The names of the vectors to which this vector is perpendicular, as the test file has them.
+    /// The names of the vectors to which this vector is perpendicular, as the test file writes them.
     to: Vec<String>,
 }
 
-/// The names in a vector's domain; `None` if the domain has no such key.
+/// The names in the domain `{ perpendicular_to = ... }`; `None` if the domain doesn't have this key.
 pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     let said = value.as_table()?.get(KEY)?;
     let one = |value: &Value| value.as_str().map(str::to_owned);
@@ -72,7 +72,7 @@ pub(crate) fn related(
         let Some(next) = pending.iter().position(|(_, to)| !to.iter().any(|to| waits(to))) else {
             let names: Vec<_> = pending.iter().map(|(own, _)| format!("`{}`", own.path)).collect();
             return Err(format!(
-                "the keys `{KEY}` of {} form a circle: each key applies in both directions, so remove the key of one vector",
+                "the keys `{KEY}` of {} form a cycle: each key applies in both directions, so remove the key of one vector",
                 names.join(", ")
             ));
         };
@@ -94,7 +94,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
         && one.path != other.path
     {
         return Err(wrong(format!(
-            "the name `{name}` may mean `{}` or the parameter: write `{}`",
+            "the name `{name}` may mean `{}` or the parameter `{name}`: write `{}`, or rename the parameter",
             one.path, one.path
         )));
     }
@@ -216,7 +216,7 @@ mod tests {
             ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
             (
                 "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",
-                "of `n`, `t` form a circle",
+                "of `n`, `t` form a cycle",
             ),
         ] {
             let error = of(&three, text).expect_err(text);

@@ -1,7 +1,7 @@
 //! The rows of CSV tables, the columns in a table's head, and the comments above the head.
 //!
-//! A line above the head that begins with `#` is a comment. Below the head, such a line is an error: it may be a row,
-//! and as a comment it would never be compared.
+//! A line above the head that begins with `#` is a comment. Below the head, a line that begins with `#` is an error,
+//! because it may be a row. Karat would never compare a row that looks like a comment.
 
 use karat::unstable::diagnostic::nearest;
 
@@ -20,8 +20,8 @@ impl Places {
     /// Reads a head, which has the names of the columns in any order.
     ///
     /// # Errors
-    /// If a column is missing or occurs twice. Also if a column's name looks like a part of an argument or result that
-    /// has no such part, because the type has changed. The error is the end of a sentence about the table.
+    /// If a column is missing or occurs twice. Also if a column has a name such as `v.z`, but the argument `v` has no
+    /// `z`: the type of `v` may have changed. The error text continues a sentence that begins with the table's name.
     pub fn of_head(head: &[&str], arguments: &[&str], expected: &[&str]) -> Result<Self, String> {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {
@@ -56,7 +56,7 @@ impl Places {
     }
 }
 
-/// The line of a record, counted from 1. `begins` is the reader's byte position before the record. Skips empty lines.
+/// The line of a row, counted from 1. `begins` is the reader's byte position before the row. Skips empty lines.
 #[must_use]
 pub fn line_of(text: &[u8], begins: usize) -> usize {
     let (before, rest) = text.split_at(begins.min(text.len()));

@@ -58,7 +58,7 @@ impl Suite {
     }
 
     /// Does the same as [`run`](Self::run) for shaders that aren't saved. The verdict isn't added to the record, and
-    /// isn't stored for later runs. Also returns the values that the test's checks saw.
+    /// isn't stored for later runs. Returns the values that the test's checks compared.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -131,7 +131,8 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
-    /// Adds a broken test to the record of the run, because no check adds it.
+    /// Writes the error of a test, module or file that can't run into the record. No check does this, because no check
+    /// runs.
     ///
     /// # Panics
     /// If no thread can start.
@@ -147,7 +148,7 @@ impl Suite {
         });
     }
 
-    /// The record's subject for a test that couldn't begin.
+    /// The subject in the record of a test that can't begin.
     fn unbegun(&self, name: &str, check: &str, location: Option<&str>) -> Subject {
         Subject::Function {
             package: self.package.root().display().to_string(),
@@ -160,7 +161,8 @@ impl Suite {
         }
     }
 
-    /// The groups of tests that share a kernel. If `cpu` is the only path, nothing is compiled, so there are no groups.
+    /// The groups of tests that share a kernel, so that a driver compiles one kernel for a group. If `cpu` is the only
+    /// path, no driver compiles, so there are no groups.
     #[must_use]
     pub fn groups(tests: &[&Test]) -> Groups {
         let drivers = karat::unstable::path::selected()
@@ -254,7 +256,7 @@ fn violations_of(error: &ComputeError) -> Option<String> {
     Some(headlines.collect::<Vec<_>>().join("\n"))
 }
 
-/// The position of the worst case's row in a table, as the end of a message.
+/// The end of a message about a table: the position of the worst case's row.
 fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
     let What::Table(file) = what else { return None };
     let found = match failure {
@@ -343,7 +345,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
             return Err(
-                "the function uses derivatives, and all derivatives are 0 in an integral".into()
+                "Karat can't integrate a function with derivatives, because all derivatives are 0 in an integral".into()
             );
         }
         _ => probed.with_varying(),
@@ -495,7 +497,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
                 let wrong = format!(
-                    "the condition `{text}` names `{argument}`, but the limit sets this argument"
+                    "the condition `{text}` names `{argument}`, but the limit sets this argument: remove `{argument}` from `where`"
                 );
                 return Err(Misdeclared::of("where")(wrong));
             }
@@ -594,7 +596,7 @@ fn settled<'p>(
     Ok(check)
 }
 
-/// The position of a parameter, and the index of its first lane.
+/// The position of a parameter, and the index of the parameter's first scalar among the scalars of all parameters.
 fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), String> {
     let known = || parameters.iter().map(|(name, _)| &**name);
     let Some(at) = known().position(|known| known == name) else {
@@ -603,7 +605,7 @@ fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), S
     Ok((at, parameters[..at].iter().map(|(_, shape)| shape.lanes().len()).sum()))
 }
 
-/// The lanes of an expected value in `f64`. A single number is the value of each component.
+/// The scalars of an expected value, in `f64`. A single number is the value of each component.
 pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
     let scalars = shape.lanes();
     let meant = |(scalar, value): (&Scalar, f64)| numbers::meant(*scalar, value, wanted);
@@ -669,8 +671,8 @@ fn bound(
     Ok(all)
 }
 
-/// A frame, or its error. If one of the frame's functions doesn't exist, the first value is the key that names the
-/// function.
+/// A frame, or its error. If one of the frame's functions doesn't exist, the first element of the tuple is the key that
+/// names the function.
 type Drawn<'p> = (Option<String>, Result<karat::Frame<'p>, FrameError>);
 
 impl Suite {

@@ -13,9 +13,9 @@ use crate::wrong::Misdeclared;
 
 #[derive(Debug)]
 pub(crate) struct Table {
-    /// The lanes of each row's arguments, as 32-bit words.
+    /// The scalars of each row's arguments, as 32-bit words.
     pub(crate) rows: Vec<Vec<u32>>,
-    /// The expected lanes for each row's arguments.
+    /// The expected scalars of the result, by the row's arguments.
     pub(crate) expected: HashMap<Vec<u32>, Vec<f64>>,
 }
 
@@ -135,8 +135,8 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// The position of a table's row in the file, as the end of a message. `row` is the row's number, counted from 0.
-/// `None` if the file has no such row.
+/// The end of a message: the position of a row in a table's file. `row` is the row's number, counted from 0. `None` if
+/// the file has no such row.
 pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
@@ -144,7 +144,7 @@ pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     Some(format!("  row of the {what}: {}:{line}:1\n", shown(file)))
 }
 
-/// The records of a table, each with the byte position in `text` from which the reader read the record.
+/// The rows of a table, each with the byte position in `text` at which the reader began to read the row.
 fn placed_rows<'r>(
     reader: &'r mut csv::Reader<&[u8]>,
     text: &'r [u8],
@@ -158,8 +158,8 @@ fn placed_rows<'r>(
     })
 }
 
-/// The byte position in `text` from which the reader reads a record. Blank lines may lie between this position and the
-/// record.
+/// The byte position in `text` at which the reader begins to read a row. Blank lines may come between this position and
+/// the row.
 fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     let below = usize::try_from(position.map_or(0, csv::Position::byte)).unwrap_or(0);
     (head_of(text) + below).min(text.len())

@@ -3,7 +3,7 @@
 use karat::unstable::tolerance::{Criterion, SpecTolerance};
 use karat::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 
-/// A tolerance, or the errors that WGSL's specification allows.
+/// Reads a tolerance, or `spec`, which allows the errors that WGSL's specification allows.
 pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
     let granting = |first: &str, rest: &str| -> Result<Option<SpecTolerance>, String> {
         let base = match first {

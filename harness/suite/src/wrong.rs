@@ -58,7 +58,8 @@ impl Wrong {
         Self { headline, place: None, message, fault: Fault::Unbegun }
     }
 
-    /// The cause, which other tests may share. `None` for wrong values, which concern only this test.
+    /// The cause of the error, if other tests may fail for the same cause. `None` for wrong values, which concern only
+    /// this test.
     #[must_use]
     pub fn common(&self) -> Option<String> {
         match &self.fault {
@@ -75,7 +76,7 @@ impl Wrong {
         }
     }
 
-    /// Adds the error to the record of the run, because no check has added it.
+    /// Adds the error to the record of the run, because none of the test's checks ran.
     pub(crate) fn recorded(&self, subject: Subject) -> Self {
         karat::unstable::run::record_unbegun(subject, &self.headline, &self.message);
         self.clone()
@@ -88,8 +89,8 @@ impl Wrong {
     }
 }
 
-/// Makes the error of a failed check, of passes or of a frame. Its position is the shader's line in the message, or
-/// otherwise the test's key that the failure concerns.
+/// Makes the error of a failed check, of passes or of a frame. The error's position is the shader's line in the
+/// message. If the message has no such line, the position is that of the test's key that caused the failure.
 pub(crate) fn blamed(
     failure: &impl Fails,
     key_of_entry: &dyn Fn(&str) -> Option<String>,
@@ -150,7 +151,7 @@ pub(crate) struct Misdeclared {
     /// The path of the wrong key, such as `draws.1.blend`; `None` for the assertion's own key.
     key: Option<String>,
     pub(crate) message: String,
-    /// The position, `file:line:column`, if it isn't in the test file.
+    /// The position of the error, `file:line:column`, if the error isn't in the test file.
     pub(crate) place: Option<String>,
 }
 
@@ -176,8 +177,8 @@ impl Misdeclared {
         Self { key: Some(key), ..self }
     }
 
-    /// Makes the message about a file that can't be read: at the position of the error's key, or otherwise at the
-    /// position `whole` of the test.
+    /// Makes the message about a test that Karat can't read, at the position of the error's key. If the error has no
+    /// key, the message has the position `whole` of the test.
     pub(crate) fn unread(self, keys: &Keys, whole: &Span) -> Diagnostic {
         let place = self.key.and_then(|key| keys.place_of(&key).cloned());
         Diagnostic::new(self.message).at(place.unwrap_or_else(|| whole.clone()), "")

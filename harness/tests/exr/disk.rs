@@ -24,7 +24,7 @@ fn files(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The variable with the file that the child process of `a_full_disk_leaves_the_old_file` writes.
+/// The environment variable with the folder into which the child process of `a_full_disk_leaves_the_old_file` writes.
 const PLACE: &str = "KARAT_TEST_FULL_DISK";
 
 /// The next test runs this test in a process in which no file may grow beyond 8 or 16 KB.
@@ -80,7 +80,7 @@ fn places_that_cannot_be_written_stay_as_they_are() {
     assert!(files(&folder.path().join("folder.exr")).is_empty());
 }
 
-/// Root may write anywhere, so for root the test proves nothing.
+/// Karat can't write into a read-only folder. Root may write anywhere, so for root the test proves nothing.
 #[cfg(unix)]
 #[test]
 fn a_folder_without_permission_is_an_error() {

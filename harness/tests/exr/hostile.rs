@@ -1,4 +1,5 @@
-//! Damaged and hostile files: each is read as an image or refused with a reason, in little memory.
+//! Damaged and hostile files. Karat reads each file as an image, or refuses the file with a reason, and needs little
+//! memory.
 
 use std::fmt::Write;
 use std::io::Cursor;

@@ -1,6 +1,7 @@
 //! Image files: files of other programs, damaged and hostile files, and full disks.
 //!
-//! The global allocator of `allocation-counter` counts the memory of the decoding thread.
+//! The crate `allocation-counter` replaces the global allocator, and counts the memory that the decoding thread
+//! allocates.
 
 mod disk;
 mod foreign;
@@ -32,7 +33,7 @@ fn message<T>(bytes: &[u8], read: fn(&Path) -> Result<T, karat::image::ImageErro
     error.replace(&shown, "a.exr")
 }
 
-/// Removes a file, and writes a new one. Truncating the old file and writing it again would wait for the disk.
+/// Removes a file, and writes a new one. This is faster than overwriting the old file, which would wait for the disk.
 fn place(path: &Path, bytes: &[u8]) {
     if path.exists() {
         std::fs::remove_file(path).expect("removed");
@@ -98,7 +99,7 @@ fn file(layers: &[Layer<Channels>]) -> Vec<u8> {
     }
 }
 
-/// The compressions that the crate can both read and write.
+/// The compressions that the crate `exr` can both read and write.
 const CODECS: [Compression; 10] = [
     Compression::Uncompressed,
     Compression::RLE,

@@ -115,7 +115,7 @@ fn a_gamma_chunk_counts_unless_there_is_an_srgb_chunk() {
     assert_eq!(message(&none, Image::read), expected);
 }
 
-/// `data/png/make_interlaced.py` wrote the files, because the crate can't write interlaced files.
+/// `data/png/make_interlaced.py` wrote the files, because the crate `png` can't write interlaced files.
 #[test]
 fn interlaced_files_are_read() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/png/interlaced.png");

@@ -5,7 +5,8 @@ use karat::Path;
 use karat::fixture::Buffer;
 use karat::prelude::*;
 
-/// A prefix sum as WebGPU programs write it: blocks of 64 in workgroup memory, then the sums of blocks.
+/// A prefix sum as WebGPU programs write it: the first pass sums blocks of 64 elements in workgroup memory, and the
+/// second pass adds the sums of earlier blocks.
 const SCAN: &str = "\
 @group(0) @binding(0) var<storage, read_write> data: array<u32>;
 @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
@@ -76,7 +77,7 @@ fn passes_share_their_buffers() {
     scan(&package).with_override("ADDED", 2.0).after("data").agrees_with(running(&more), Abs(0.0));
 }
 
-/// A missing pass, a wrong reference and a wrong statement fail.
+/// A check fails if a pass is missing, or if the statement of `satisfies` is false.
 // Lesson 128
 #[test]
 fn each_difference_of_a_pass_is_reported() {
@@ -220,8 +221,7 @@ fn textures_are_stored_and_sampled() {
         .agrees_with(reference.collect::<Vec<DVec4>>(), Rel(1e-3).or(Abs(1e-6))); // half floats
 }
 
-/// If the driver would leave a loop, the check fails with an error at the loop's line. An endless loop on `cpu` is also
-/// an error.
+/// If a driver leaves a loop of a pass before its end, the check fails with an error at the loop's line.
 // Lesson 128
 #[test]
 fn loops_of_passes_that_drivers_cut_short_are_errors() {

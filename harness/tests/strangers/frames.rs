@@ -1,4 +1,5 @@
-//! Frames as engines draw them. For each kind of pipeline state, the image shows if a path ignores the state.
+//! Frames as engines draw them. For each kind of pipeline state (blending, culling, depth), a test draws an image that
+//! is wrong if a path ignores this state.
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::Path;
@@ -12,7 +13,7 @@ use karat::{Frame, Image};
 
 const SIZE: u32 = 8;
 
-/// A shader with flat colours, each at its own depth.
+/// A shader whose fragment functions write constant colours of a uniform buffer.
 const FLAT: &str = "
 struct Flat { color: vec4f, depth: f32 }
 @group(0) @binding(0) var<uniform> flat: array<Flat, 3>;
@@ -57,7 +58,7 @@ fn pixel(image: &Image, x: u32, y: u32) -> Vec4 {
     Vec4::from(image.pixels()[(y * image.width() + x) as usize])
 }
 
-/// Checks the colours at the left and at the right, on each driver.
+/// Checks the colours of one pixel in the left half and of one pixel in the right half, on each driver.
 fn expect(frame: &Frame<'_>, at: [Vec4; 2]) {
     for (path, image) in images(frame) {
         let seen = [pixel(&image, 1, 4), pixel(&image, 6, 4)];
@@ -165,7 +166,7 @@ fn several_targets_and_depth() {
     expect(&alone, [near, RED]);
 }
 
-/// An edge through a pixel covers some of the pixel's samples.
+/// With 4 samples per pixel, a rectangle whose edge goes through a pixel covers only some of the pixel's samples.
 // Lesson 130
 #[test]
 fn pixels_have_samples() {
@@ -369,7 +370,8 @@ fn copies_have_attributes_and_numbers() {
     );
 }
 
-/// On wgpu's GL, shaders see other instance and vertex indices if these don't begin at 0.
+/// The test runs only on Vulkan, because shaders see wrong instance and vertex indices on wgpu's GL if the indices
+/// don't begin at 0.
 // Lesson 131
 #[test]
 fn instance_and_vertex_indices_begin_at_the_given_offset() {
@@ -489,8 +491,8 @@ fn frames_that_no_device_draws_are_errors() {
     }
 }
 
-/// Each target needs an output, and each output needs a target. Otherwise a target would have undefined values, or an
-/// output would be lost.
+/// Each target of a frame needs an output of the fragment function, and each output needs a target. Otherwise the frame
+/// is an error.
 #[test]
 fn targets_and_outputs_are_the_same() {
     let package = Package::from_source(

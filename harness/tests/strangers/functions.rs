@@ -10,7 +10,7 @@ fn check(text: &str) -> Package {
     Package::from_source("f", text)
 }
 
-/// The value behind a pointer is an argument. The value that the call leaves there is an additional result.
+/// The value behind a pointer is an argument. The value behind the pointer after the call is an additional result.
 // Lesson 123
 #[test]
 fn pointers_are_values_in_and_out() {
@@ -38,7 +38,7 @@ fn pointers_are_values_in_and_out() {
         .agrees_with(|sum: f64, x: f64| (x, sum + x), Ulp(1.0).or(Abs(1e-7)));
 }
 
-/// A reference that ignores the value behind the pointer, or returns a wrong value for the pointer, fails.
+/// A check fails if the reference ignores the value behind the pointer, or returns a wrong value for it.
 // Lesson 123
 #[test]
 fn the_values_behind_pointers_are_compared() {
@@ -125,8 +125,8 @@ fn overrides_that_others_are_made_of_are_set() {
     assert!(error.contains("has two values"), "{error}");
 }
 
-/// A host sets overrides by their names. If two modules have an override with the same name, a name without its module
-/// is an error.
+/// A host sets overrides by their names. If two modules declare an override with the same name, a test must write the
+/// module's name, too.
 #[test]
 fn overrides_of_several_modules_are_named() {
     let declares = |value: &str, own: &str| {
@@ -248,7 +248,7 @@ fn overrides_are_set() {
     wrong.expect_err("no constant is NaN");
 }
 
-/// Each case starts with the same storage. The storage after the case is a result.
+/// Storage buffers have the same content at the start of each case. Their content at the end of the case is a result.
 // Lesson 124
 #[test]
 fn each_case_begins_with_the_same_storage_and_returns_its_content() {
@@ -315,8 +315,7 @@ impl karat::unstable::value::Mirror for Bins {
     }
 }
 
-/// Workgroup variables are zero at the start of each case, and a case's only invocation passes barriers. Storage that
-/// could be written, but is only read, isn't a result.
+/// If a function only reads a `read_write` buffer, the buffer's content isn't a result.
 // Lesson 133
 #[test]
 fn storage_that_is_only_read_is_no_result() {
@@ -449,7 +448,8 @@ fn structures_vary_over_quads() {
     package.function("f").over((quads,)).agrees_with(expect, Abs(0.0));
 }
 
-/// Functions sample with an implicit level of detail, and with a bias.
+/// A check can call functions that use `textureSample` or `textureSampleBias`, which need derivatives to choose a level
+/// of detail.
 // Lesson 126
 #[test]
 fn implicit_levels_of_detail() {
@@ -480,8 +480,8 @@ fn implicit_levels_of_detail() {
     );
 }
 
-/// In a cube map, a step to the next pixel moves the sampled point on the face to which the direction points. The
-/// longer the direction, the less the point moves.
+/// The level of detail of a cube map depends on the distance between the points that two adjacent pixels sample on a
+/// face. If the vectors of direction are longer, the same derivatives give a shorter distance.
 #[test]
 fn implicit_levels_of_detail_of_cubes() {
     let package = check(
@@ -544,8 +544,8 @@ fn variables_at_one_place_are_refused() {
     assert!(error.contains("`u` and `v` are both @group(0) @binding(0)"), "{error}");
 }
 
-/// A note names the position of a number that isn't finite, even if a `clamp` hides the number. Notes also name
-/// positions in passes that write buffers.
+/// A message shows the expression that first gives NaN or infinity, with file, line and column, even if a `clamp` hides
+/// the number. Messages about buffers of passes do so, too.
 #[test]
 fn nan_and_infinity_have_a_place() {
     let text = "fn g(v: f32, l: f32) -> f32 {\n    return (v * l) / (4.0 * v * l);\n}\n\
@@ -567,7 +567,8 @@ fn nan_and_infinity_have_a_place() {
     assert!(error.contains("first NaN: `x / (x * x - x * 2.0)` of 0, 0 (<f>:9:15)"), "{error}");
 }
 
-/// A driver that leaves long loops also does so in single cases and in quads.
+/// If a driver leaves a long loop before its end, the check fails with the loop's line, also for functions that write
+/// storage or use derivatives.
 // Lesson 125
 #[test]
 fn loops_of_functions_that_drivers_cut_short_are_errors() {
@@ -606,7 +607,7 @@ fn loops_of_functions_that_drivers_cut_short_are_errors() {
     }
 }
 
-/// A function that a check can't call is refused with the reason and the line.
+/// If a check can't call a function, the error gives the reason and the function's line.
 // Lesson 127
 #[test]
 fn functions_without_a_value_are_refused() {

@@ -1,4 +1,5 @@
-//! The samples of docs/guide, compiled and run. A test compares the guide's text with the text in these files.
+//! The samples of docs/guide, compiled and run. A test checks that this file or `guide/functions.rs` contains each
+//! sample.
 
 mod functions;
 
@@ -113,7 +114,8 @@ fn structures() {
         .satisfies("isn't x", move |_, seen: shaded::Shaded| seen.color != host.color);
 }
 
-/// These tests would fetch a crate, so they are only compiled. `cargo ci found` tests that crate's functions.
+/// The compiler checks these tests, but nothing runs them, because they would fetch Bevy's crate. `cargo ci found`
+/// tests the functions of that crate.
 #[expect(dead_code, reason = "it would fetch a crate")]
 mod bevy {
     use karat::prelude::*;
@@ -261,10 +263,10 @@ fn the_guide_has_these_samples() {
     assert_eq!(count, 18);
 }
 
-/// The samples test each shader of the guide, with some exceptions. `harness/tests/package.rs` and
-/// `harness/cli/tests/cli/asserts.rs` test WESL's conditions. No test imports Bevy's shader, because the test would
-/// fetch a crate. karat-suite runs tests in WGSL. `cargo ci dist` runs the shaders of the page for the web, and
-/// `harness/cli/tests/cli/tutorial.rs` runs the shaders of the tutorial.
+/// The tests of the samples use each shader of the guide, with these exceptions. `harness/tests/package.rs` and
+/// `harness/cli/tests/cli/asserts.rs` test the shaders with `@if`. No test imports Bevy's shader, because the test
+/// would fetch a crate. The crate karat-suite tests the shaders with `@test`. `cargo ci dist` runs the shaders of the
+/// page for the web, and `harness/cli/tests/cli/tutorial.rs` runs the shaders of the tutorial.
 // Lesson 137
 #[test]
 fn the_guide_has_these_shaders() {
@@ -291,7 +293,7 @@ fn the_guide_has_these_shaders() {
     assert_eq!(count, 4);
 }
 
-/// The function on the page about prints and assertions fails at the line that the page names.
+/// The function on the guide's page about prints and assertions fails at the line that the page shows.
 #[test]
 fn a_line_asserts() {
     let text = include_str!("shaders/lights.wgsl");
@@ -305,7 +307,7 @@ fn a_line_asserts() {
     assert!(told.contains("the assertion `ratio >= 0.0` is false"), "{told}");
 }
 
-/// Each link of a chapter leads to a file. The index and mdBook's summary list each chapter.
+/// Each link of a chapter leads to an existing file. The guide's index and mdBook's `SUMMARY.md` list each chapter.
 // Lesson 137
 #[test]
 fn links_of_the_guide_lead_somewhere() {
@@ -343,13 +345,14 @@ fn links_of_the_guide_lead_somewhere() {
     }
 }
 
-/// The targets of a text's links, without web addresses.
+/// The targets of the Markdown links in a text, except web addresses.
 fn links(text: &str) -> impl Iterator<Item = &str> {
     let targets = text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap_or_default());
     targets.filter(|link| !link.starts_with("http"))
 }
 
-/// Pages of the book link only to pages and pictures of the book. mdBook renders no others, and prints no warning.
+/// Pages of the book link only to pages and pictures of the book. If a link leads to another file, mdBook prints no
+/// warning, and the link is broken.
 // Lesson 137
 #[test]
 fn links_of_the_book_stay_in_it() {

@@ -1,4 +1,5 @@
-//! Each kind of binding, call and dispatch that engines use, with a test that fails if Karat ignores it.
+//! Tests of each kind of resource, function and draw that the shaders of other projects use. A test fails if Karat
+//! ignores this kind.
 
 mod compute;
 mod frames;

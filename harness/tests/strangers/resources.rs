@@ -6,7 +6,7 @@ use karat::fixture::{Address, Buffer, Compare, Filter, Fixture};
 use karat::prelude::*;
 use karat::unstable::probe::ProbeError;
 
-/// The largest error of a texture filter. Its weights have at least 8 bits.
+/// The tolerance for texture filters, because drivers may round a filter's weights to 8 bits.
 const FILTERED: Abs = Abs(0.006);
 
 fn ramp() -> Texture {
@@ -21,7 +21,8 @@ const SAMPLED: &str = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
      @group(0) @binding(1) var filtering: sampler;\n\
      fn f(uv: vec2f) -> vec4f { return textureSampleLevel(image, filtering, uv, 0.0); }";
 
-/// The nearest texel of `ramp`. `wrap` maps coordinates outside the texture.
+/// The nearest texel of `ramp`. `wrap` maps the index of a column or row that lies outside the texture to an index
+/// inside.
 fn nearest(uv: DVec2, wrap: impl Fn(f64) -> f64) -> DVec4 {
     let at = (uv * 4.0).floor();
     DVec4::new(wrap(at.x), wrap(at.y), 0.0, 1.0)
@@ -32,7 +33,7 @@ fn mirrored(texel: f64) -> f64 {
     if twice < 4.0 { twice } else { 7.0 - twice }
 }
 
-/// Coordinates between the edges and the centres of texels.
+/// Texture coordinates between a texel's centre and its edge, so that rounding doesn't change the nearest texel.
 fn coordinates() -> impl Domain<Value = Vec2> {
     let texel = |i: i32| (f64::from(i) + 0.7) as f32 / 4.0;
     let places: Vec<Vec2> =
@@ -88,8 +89,8 @@ fn each_coordinate_has_its_own_address() {
         .agrees_with(reference, Abs(0.0));
 }
 
-/// Each level has one value, so the result depends only on the filter between levels and on the clamp of the level of
-/// detail.
+/// All texels of a mip level have the same value, so the result depends only on the sampler's filter between levels and
+/// on its limits for the level of detail.
 // Lesson 119
 #[test]
 fn filters_between_levels_and_their_clamp() {
@@ -180,7 +181,7 @@ fn comparison_samplers_compare() {
         .agrees_with(depth, Abs(0.0));
 }
 
-/// Functions load texels of each type from textures of each dimension.
+/// Functions load texels of each type (`f32`, `i32`, `u32`, depth) from textures of each dimension.
 // Lesson 120
 #[test]
 fn every_texture_is_loaded_from() {
@@ -287,7 +288,7 @@ fn every_texture_is_loaded_from() {
     }
 }
 
-/// Functions sample faces and layers of cubes along their axes.
+/// Functions sample each face and layer of cube maps in the directions of the axes.
 // Lesson 120
 #[test]
 fn cubes_have_faces_layers_and_depths() {
@@ -451,8 +452,8 @@ fn mistakes_are_reported_with_the_line_of_the_variable() {
     told("f", "image", Some(empty.into()), &["the fixture of `image` is empty"]);
 }
 
-/// An author can declare that a path's compiler refuses a function. The declaration fails if the compiler accepts the
-/// function.
+/// An author can declare that a path's compiler refuses a function. If the compiler accepts the function, the check
+/// fails.
 // Lesson 122
 #[test]
 fn a_path_that_compiles_nothing_is_declared() {
@@ -522,7 +523,7 @@ fn loaded_texels_have_full_precision() {
         .agrees_with(|x: u32| f64::from(texels[x as usize]), Abs(0.0));
 }
 
-/// The bytes of a uniform buffer, in the layout of the `encase` crate.
+/// A uniform buffer that the crate `encase` converts to bytes.
 #[derive(encase::ShaderType)]
 struct Sun {
     strength: f32,
@@ -557,7 +558,7 @@ fn buffers_that_encase_writes_are_taken_as_they_are() {
         .agrees_with(|i: u32| 2.0 * f64::from(weights[i as usize]) + 3.0, Abs(0.0));
 }
 
-/// In GLSL, the columns of narrow matrices have another stride than in WGSL, and the compiler reports no error.
+/// In GLSL, the columns of matrices with two rows have another stride than in WGSL, and the compiler reports no error.
 #[test]
 fn narrow_matrices_are_right_or_refused() {
     let package = Package::from_source(

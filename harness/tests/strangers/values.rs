@@ -296,7 +296,7 @@ fn elements_that_passes_leave_are_kept_and_compared() {
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
     let error = compare("0.5", 7).expect_err("fewer").to_string();
-    assert!(error.contains("it has 8 elements, but the result has 7"), "{error}");
+    assert!(error.contains("the golden has 8 elements, but the result has 7"), "{error}");
     compare("0.5", 8).expect("the same again");
     assert!(project.pending(case).is_none(), "what agrees again waits no longer");
 }

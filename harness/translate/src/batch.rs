@@ -1,4 +1,4 @@
-//! Checks many translations with one process of a tool.
+//! Checks several translations with one process of a tool, such as glslang.
 //!
 //! glslang spends most of its time on parsing GLSL's built-in declarations, before it reads a shader. One process
 //! checks ten files in the time that two processes need for two files.
@@ -9,16 +9,15 @@ use std::process::Command;
 use crate::child::{self, End};
 use crate::{Stage, Target, Tool, Translation, Validation, Verdict};
 
-/// The maximum number of files that one process checks. If one file is rejected, Karat checks each file of the batch
+/// The maximum number of files that one process checks. If the process rejects a file, Karat checks each of these files
 /// again in its own process.
 const FILES: usize = 32;
 
 impl Tool {
-    /// Checks several translations in fewer processes. The results are the same as those of
-    /// [`validate`](Self::validate).
+    /// Checks several translations with as few processes as possible. The results are the same as from a call of
+    /// [`validate`](Self::validate) for each translation.
     ///
-    /// # Errors
-    /// As [`validate`](Self::validate) for each translation.
+    /// # Errors The errors of [`validate`](Self::validate), one for each translation.
     pub fn validate_all(&self, translations: &[&Translation]) -> Vec<io::Result<Validation>> {
         let mut said: Vec<Option<io::Result<Validation>>> =
             translations.iter().map(|_| None).collect();
@@ -38,8 +37,8 @@ impl Tool {
         each.map(|(said, one)| said.unwrap_or_else(|| self.validate(one))).collect()
     }
 
-    /// Checks if one process that reads all files finds no error. Otherwise [`validate`](Self::validate) checks each
-    /// file separately.
+    /// Checks if one process accepts all files. If this function returns `false`, the caller checks each file
+    /// separately by [`validate`](Self::validate).
     fn all_valid(&self, target: Target, batch: &[&Translation]) -> bool {
         batch.len() > 1 && self.judges_files(target) && self.find_nothing(batch).unwrap_or(false)
     }

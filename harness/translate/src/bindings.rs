@@ -24,7 +24,7 @@ pub struct Resource {
     pub translated: (u32, u32),
     /// The resource's kind.
     pub kind: Kind,
-    /// `true` if the entry point uses the resource. In the translation of a whole shader, always `true`.
+    /// `true` if the entry point uses the resource. In the translation of a whole shader, `used` is always `true`.
     pub used: bool,
 }
 
@@ -92,8 +92,8 @@ impl Bindings {
         self.0.iter()
     }
 
-    /// The binding that a resource has in the translation, found by the resource's WGSL group and binding; `None` if
-    /// the shader has no such resource.
+    /// The binding in the translation of the resource with this WGSL group and binding; `None` if the shader has no
+    /// such resource.
     #[must_use]
     pub fn of(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         self.iter().find(|resource| resource.wgsl == (group, binding)).map(|r| r.translated)

@@ -1,4 +1,5 @@
-//! Runs other programs, each in its own process and with a time limit. A crash or a timeout counts as a result.
+//! Runs other programs, each in its own process and with a time limit. If a program crashes or takes too long, [`Ran`]
+//! says so, and [`run`] returns no error.
 
 use std::io::{self, Read, Seek};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -10,10 +11,10 @@ const DEADLINE: Duration = Duration::from_secs(30);
 /// The maximum number of bytes that a program may write. Validators and compilers write far less about one shader.
 const MOST_WRITTEN: u64 = 16 << 20;
 
-/// The number of output bytes that Karat keeps.
+/// The maximum number of bytes of a program's output that Karat keeps.
 const MOST_KEPT: u64 = 64 << 10;
 
-/// The first pause between two checks if a program has ended. Later pauses are longer.
+/// The pause before Karat checks for the first time if a program has ended. Later pauses are longer.
 const FIRST_PAUSE: Duration = Duration::from_micros(500);
 const LONGEST_PAUSE: Duration = Duration::from_millis(20);
 
@@ -176,7 +177,7 @@ mod tests {
         }
     }
 
-    /// Checks if a process still runs. An ended process for which no parent has waited doesn't count.
+    /// Checks if a process still runs. A zombie process counts as ended.
     #[cfg(target_os = "linux")]
     fn runs(id: &str) -> bool {
         let status = std::fs::read_to_string(format!("/proc/{id}/status"));

@@ -1,4 +1,4 @@
-//! Compiles naga's GLSL and HLSL to SPIR-V with other compilers, such as glslang and DXC.
+//! Compiles the GLSL and HLSL that naga writes to SPIR-V, with glslang and DXC.
 
 use std::collections::VecDeque;
 use std::io;
@@ -14,13 +14,15 @@ use crate::{Code, EntryPoint, Stage, Target, Translation, layout, tool};
 #[non_exhaustive]
 pub enum CompileError {
     /// This machine has no compiler for the language.
-    #[error("`{name}` compiles {target}, but Karat can't use this compiler: {reason} ({remedy})")]
+    #[error(
+        "Karat needs `{name}` to compile {target}, but can't use this compiler: {reason} ({remedy})"
+    )]
     NoCompiler {
         /// The language.
         target: Target,
         /// The compiler.
         name: &'static str,
-        /// The reason why Karat doesn't use the compiler.
+        /// The reason: the compiler isn't in `PATH`, or doesn't run.
         reason: String,
         /// Instructions to install the compiler.
         remedy: &'static str,
@@ -155,15 +157,16 @@ impl Compiled {
     }
 }
 
-/// Runs a compiler on a translation. Karat first checks HLSL with the same command that later compiles it, so this
-/// function remembers its last results.
+/// Runs a compiler on a translation. Karat runs the same command twice on HLSL: first to check the HLSL, and later to
+/// compile it. So this function keeps its last results.
 pub(crate) fn run(
     program: &Path,
     arguments: &[String],
     translation: &Translation,
 ) -> io::Result<Arc<Compiled>> {
     type Known = (Vec<String>, String, Arc<Compiled>);
-    /// The number of results to keep: as many as Karat checks together before it runs the shaders.
+    /// The number of results that this function keeps. Karat checks at most so many shaders together before it runs
+    /// them.
     const KEPT: usize = 128;
     static LAST: Mutex<VecDeque<Known>> = Mutex::new(VecDeque::new());
     let text = translation.code.text().expect("compilers read text");
@@ -199,8 +202,8 @@ fn spirv(bytes: &[u8]) -> Option<Vec<u32>> {
 /// The magic number at the start of SPIR-V.
 const MAGIC: u32 = 0x0723_0203;
 
-/// The error that `spirv-val` finds in SPIR-V. Drivers don't check a compiler's output. If `spirv-val` isn't installed,
-/// Karat doesn't check the SPIR-V.
+/// The error that `spirv-val` finds in SPIR-V. Karat runs `spirv-val` because drivers don't check SPIR-V. If
+/// `spirv-val` isn't installed, returns `None`.
 fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
     let folder = tempfile::tempdir()?;
@@ -237,8 +240,8 @@ fn counts_words(words: &[u32]) -> bool {
     lengths.into_iter().any(|length| !multiplied(length))
 }
 
-/// naga's HLSL for a compiler that [counts words](counts_words). The function changes naga's length function, so that
-/// it converts the length to bytes.
+/// naga's HLSL, changed for a compiler that [counts words](counts_words): the HLSL multiplies the length of a buffer by
+/// 4.
 fn with_bytes(translation: &Translation) -> Translation {
     const ASKED: &str = "buffer.GetDimensions(ret);";
     let text = translation.code.text().expect("compilers read text");
@@ -246,11 +249,11 @@ fn with_bytes(translation: &Translation) -> Translation {
     Translation { code, ..translation.clone() }
 }
 
-/// Compiles a translation with one entry point to SPIR-V 1.3 for Vulkan 1.1. The compiler isn't naga: see [`compiler`].
-/// The SPIR-V has the translation's bindings.
+/// Compiles a translation with one entry point to SPIR-V 1.3 for Vulkan 1.1. [`compiler`] gives the compiler's name.
+/// The SPIR-V has the same bindings as the translation.
 ///
-/// # Errors
-/// If Karat knows no compiler for the language, or the compiler rejects the translation, crashes or takes too long.
+/// # Errors Fails if Karat knows no compiler for the language, or if the compiler rejects the translation, crashes or
+/// takes too long.
 pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     let target = translation.target;
     let [entry_point] = &*translation.entry_points else {
@@ -301,7 +304,8 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
 mod tests {
     use super::*;
 
-    /// If the code multiplies the length by 4, the length is already in bytes: a later glslang may write such code.
+    /// If the SPIR-V multiplies a buffer's length by 4, the length is already in bytes. Later versions of glslang may
+    /// write such SPIR-V.
     // Lesson 159
     #[test]
     fn lengths_in_words_differ_from_lengths_in_bytes() {

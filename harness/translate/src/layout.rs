@@ -14,8 +14,8 @@ use crate::bindings::uses;
 /// The names of a WGSL structure's members, with their offsets in bytes.
 pub(crate) type Members = Vec<(String, u32)>;
 
-/// The structures, also nested ones, in the uniform buffers that an entry point uses. If no entry point is given, the
-/// structures in all uniform buffers.
+/// The structures, also nested ones, in the uniform buffers that an entry point uses. Without an entry point, the
+/// function returns the structures in all uniform buffers.
 pub(crate) fn uniform_structures(
     module: &Module,
     info: &ModuleInfo,
@@ -78,7 +78,7 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
     None
 }
 
-/// The instructions of SPIR-V, each with its operation and all its words.
+/// The instructions of SPIR-V: for each instruction, the number of its operation, and all its words.
 pub(crate) fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
     const HEADER: usize = 5;
     let mut rest = words.get(HEADER..).unwrap_or_default();

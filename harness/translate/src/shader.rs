@@ -104,10 +104,10 @@ pub struct Shader {
 impl Shader {
     /// Parses and validates WGSL.
     ///
-    /// # Errors
-    /// If naga can't parse the text, or its validator rejects the shader.
+    /// # Errors Fails if naga can't parse the text, or if naga's validator rejects the shader.
     pub fn parse(wgsl: &str) -> Result<Self, TranslateError> {
-        /// naga writes this line but can't parse it. naga accepts subgroup operations without this line.
+        /// naga writes this directive into WGSL, but can't parse it. naga accepts subgroup operations without the
+        /// directive.
         const SUBGROUPS: &str = "enable subgroups;";
         let read = wgsl.replacen(SUBGROUPS, &" ".repeat(SUBGROUPS.len()), 1);
         let module = on_deep_stack(|| naga::front::wgsl::parse_str(&read));
@@ -116,8 +116,7 @@ impl Shader {
 
     /// Validates a naga module.
     ///
-    /// # Errors
-    /// If naga's validator rejects the module.
+    /// # Errors Fails if naga's validator rejects the module.
     pub fn of(module: Module) -> Result<Self, TranslateError> {
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
         let info = on_deep_stack(|| {
@@ -135,8 +134,7 @@ impl Shader {
 
     /// Parses and validates SPIR-V.
     ///
-    /// # Errors
-    /// If naga can't parse the SPIR-V, or its validator rejects the shader.
+    /// # Errors Fails if naga can't parse the SPIR-V, or if naga's validator rejects the shader.
     pub fn from_spirv(words: &[u32]) -> Result<Self, TranslateError> {
         // naga flipped the Y axis when it wrote the SPIR-V.
         let options = naga::front::spv::Options::default();
@@ -172,11 +170,10 @@ impl Shader {
         self.module
     }
 
-    /// Translates one entry point with everything that it uses, or the whole shader. GLSL has only one entry point, so
-    /// pass its name if the shader has several.
+    /// Translates one entry point with everything that it uses, or the whole shader. A GLSL translation has only one
+    /// entry point, so pass a name if the shader has several entry points.
     ///
-    /// # Errors
-    /// If the shader has no such entry point, or naga can't write the shader in this language.
+    /// # Errors Fails if the shader has no such entry point, or if naga can't write the shader in this language.
     pub fn translate(
         &self,
         target: Target,
@@ -201,7 +198,7 @@ impl Shader {
 
 impl Shader {
     /// Wraps the WGSL from which the shader was [parsed](Self::parse) as a [`Translation`] without translating it.
-    /// Executors that run naga's modules use this translation.
+    /// Executors use this translation if they run the shader without translating it.
     ///
     /// # Errors
     /// If the shader has no such entry point.
@@ -219,7 +216,8 @@ impl Shader {
     }
 }
 
-/// Runs a function on a large stack, because naga recurses as deeply as a shader nests.
+/// Runs a function on a large stack, because naga's recursion is as deep as the nesting of a shader's statements and
+/// expressions.
 fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
     /// Without optimisation, naga's recursion needs up to about 20 KB for each level.
     const STACK: usize = 256 << 20;

@@ -14,13 +14,13 @@ pub enum Target {
     Glsl,
     /// GLSL ES 3.10, for OpenGL ES.
     GlslEs,
-    /// HLSL for shader model 5.1. The compiler FXC accepts this language.
+    /// HLSL for shader model 5.1. Microsoft's compiler FXC accepts this HLSL.
     Hlsl,
-    /// HLSL for shader model 6.2, which has 16-bit floats. The compiler DXC accepts this language.
+    /// HLSL for shader model 6.2, which has 16-bit floats. Microsoft's compiler DXC accepts this HLSL.
     Hlsl6,
     /// The Metal Shading Language, version 2.4.
     Msl,
-    /// WGSL, as naga writes it.
+    /// WGSL that naga writes.
     Wgsl,
 }
 
@@ -120,8 +120,8 @@ pub struct Translation {
     pub entry_points: Vec<crate::EntryPoint>,
     /// The bindings of the WGSL variables in the translation.
     pub bindings: Bindings,
-    /// A description of naga's options.
+    /// A description of the options that naga used, for reports.
     pub options: String,
-    /// The structures in uniform buffers, with the offsets of their members.
+    /// The structures in the shader's uniform buffers, with the offsets of their members in WGSL.
     pub(crate) uniforms: Vec<crate::layout::Members>,
 }

@@ -48,8 +48,8 @@ pub struct Tool {
 struct Known {
     name: &'static str,
     targets: &'static [Target],
-    /// The arguments that make the program print its version. `says` is a part of the printed text, and no other
-    /// program with this name prints that part.
+    /// The arguments that make the program print its version or its help. The printed text must contain `says`. Other
+    /// programs with the same name don't print this text.
     asked: &'static [&'static str],
     says: &'static str,
     remedy: &'static str,
@@ -166,14 +166,15 @@ pub struct Missing {
     pub name: &'static str,
     /// The languages that the tool checks.
     pub targets: &'static [Target],
-    /// The reason why Karat doesn't use the tool.
+    /// The reason: the program isn't in `PATH`, doesn't run, or is another program with the same name.
     pub reason: String,
     /// Instructions to install the tool.
     pub remedy: &'static str,
 }
 
 impl Tool {
-    /// All supported tools, installed or not. Karat searches for them once in a process, in `PATH` and in `VULKAN_SDK`.
+    /// All supported tools: a [`Tool`] if the tool is installed, and otherwise a [`Missing`]. Each process of Karat
+    /// searches for the tools once, in `PATH` and in `VULKAN_SDK`.
     pub fn all() -> &'static [Result<Self, Missing>] {
         static ALL: OnceLock<Vec<Result<Tool, Missing>>> = OnceLock::new();
         ALL.get_or_init(|| {
@@ -186,14 +187,14 @@ impl Tool {
 
     /// The installed tools that check a language.
     ///
-    /// For WGSL, naga checks its own output. naga doesn't check SPIR-V here, because it rejects much valid SPIR-V.
-    /// [`naga`](Self::naga) can still check SPIR-V.
+    /// naga is one of the tools for WGSL. naga isn't one of the tools for SPIR-V, because it rejects much valid SPIR-V.
+    /// To check SPIR-V with naga, call [`naga`](Self::naga).
     pub fn of(target: Target) -> impl Iterator<Item = &'static Self> {
         let here = Self::all().iter().filter_map(|tool| tool.as_ref().ok());
         here.filter(move |tool| tool.targets().contains(&target))
     }
 
-    /// naga, which can read its own WGSL and SPIR-V.
+    /// naga as a validator. naga can read the WGSL and the SPIR-V that it writes.
     #[must_use]
     pub fn naga() -> &'static Self {
         let first = Self::all().first().and_then(|tool| tool.as_ref().ok());
@@ -220,8 +221,7 @@ impl Tool {
 
     /// Checks the entry points of a translation, and stops at the first rejected entry point.
     ///
-    /// # Errors
-    /// If the program doesn't start, or the file for the program can't be written.
+    /// # Errors Fails if the tool's program doesn't start, or if Karat can't write the file for the program.
     pub fn validate(&self, translation: &Translation) -> io::Result<Validation> {
         let Some(program) = &self.program else { return Ok(self.read_back(translation)) };
         if let Some(arguments) = self.compiles(translation) {

@@ -17,8 +17,8 @@ use crate::{Bindings, Code, Shader, Stage, Target, Translation};
 
 struct Written {
     code: Code,
-    /// The entry points' names in the output: the names of all entry points in the module's order, or the name of the
-    /// requested entry point.
+    /// The names of the entry points in the translation: the requested entry point, or all entry points in the module's
+    /// order.
     entry_points: Vec<String>,
     bindings: Bindings,
     options: String,
@@ -40,7 +40,7 @@ impl Job<'_> {
     }
 }
 
-/// Moves indices into their range. wgpu does the same if a driver doesn't check indices.
+/// The policy by which naga clamps indices to their range. wgpu uses the same policy if a driver doesn't check indices.
 const RESTRICT: BoundsCheckPolicies = BoundsCheckPolicies {
     index: BoundsCheckPolicy::Restrict,
     buffer: BoundsCheckPolicy::Restrict,

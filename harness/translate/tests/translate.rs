@@ -1,4 +1,4 @@
-//! Tests translations, and tools' verdicts on translations.
+//! Tests of translations, and of the verdicts of tools on translations.
 
 use karat_translate::{
     Code, CompileError, NAGA_VERSION, Shader, Stage, Target, Tool, TranslateError, Translation,
@@ -100,7 +100,8 @@ fn translations_of_naga_are_valid_for_the_installed_tools() {
     assert_eq!(read.verdict, Verdict::Valid);
 }
 
-/// A validator that doesn't support a part of a language gives no verdict, unless it finds another fault first.
+/// glslang doesn't support the zero value of an array, so its verdict is `Unable`. If glslang finds another error
+/// before this value, its verdict is `Invalid`.
 // Lesson 160
 #[test]
 fn arrays_of_workgroups_are_no_fault_of_hlsl() {
@@ -127,7 +128,8 @@ fn arrays_of_workgroups_are_no_fault_of_hlsl() {
     }
 }
 
-/// Each validator can reject a translation. Otherwise its acceptance would prove nothing.
+/// Each validator rejects a translation with an error. If a validator accepted all translations, its verdicts would
+/// prove nothing.
 // Lesson 82
 #[test]
 fn a_fault_is_seen_by_each_tool_that_judges_it() {
@@ -157,7 +159,7 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
     }
 }
 
-/// naga can write immediates, the values that a draw call sets, in each language.
+/// naga can write variables in the address space `immediate` in each language.
 #[test]
 fn immediates_are_written() {
     let text = "struct Scale { by: f32 }\nvar<immediate> scale: Scale;\n\
@@ -266,7 +268,7 @@ fn errors_of_naga_are_reported() {
     assert!(error.contains("spirv, glsl, glsl-es, hlsl, hlsl6, msl, wgsl"), "{error}");
 }
 
-/// An override without a value can't be translated. An override with a value becomes that value.
+/// In a translation to HLSL, the value of an override replaces the override. An override without a value is an error.
 #[test]
 fn overrides_have_their_values() {
     let shader = |value: &str| {
@@ -290,8 +292,8 @@ fn the_reported_version_is_that_of_the_lock_file() {
     assert!(lock.contains(&format!("name = \"naga\"\nversion = \"{NAGA_VERSION}\"\n")));
 }
 
-/// glslang puts a scalar after a matrix of three rows, but Direct3D puts it after the matrix's last row. Karat can't
-/// judge naga's translation by such SPIR-V.
+/// glslang puts a scalar behind the whole matrix if the matrix has three rows, but Direct3D puts the scalar behind the
+/// matrix's last row. So `compile` refuses such SPIR-V.
 #[test]
 fn another_layout_of_a_uniform_buffer_is_refused() {
     let shader = |members: &str| {

@@ -72,7 +72,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     std::thread::spawn(move || http.run(move |request| serving.answer(request)));
     let is_greeted = desk.is_greeted(Duration::from_secs(args.wait));
     if let Some(failed) = &locked(&desk.state).failed {
-        bail!("the page's browser can't run tests: {failed}; open the page in another browser");
+        bail!("this browser can't run tests: {failed}; open the page in another browser");
     }
     ensure!(
         is_greeted,

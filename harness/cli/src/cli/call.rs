@@ -344,7 +344,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
 
 /// Evaluates a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
-    ensure!(!args.trace && args.html.is_none(), "a trace can't show a sweep: remove the sweep");
+    ensure!(!args.trace && args.html.is_none(), "a trace can't show a sweep: write one value");
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };
     let row = |value: &u32| {
         let mut lanes = given.lanes.clone();

@@ -224,7 +224,7 @@ fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<
 }
 
 fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
-    let head = ["file", "lines", "ways", "functions", "not run", "not checked", "not measured"];
+    let head = ["file", "lines", "outcomes", "functions", "not run", "not checked", "not measured"];
     let mut table = Table::new(&head, &[1, 2, 3, 4, 5, 6]).leaving(&[3, 5, 6]);
     for (file, own) in union.files() {
         let sum = own.sum();

@@ -308,7 +308,7 @@ fn remedy(path: Path) -> &'static str {
             return "the engine's paths are `cpu`, `cpu:fma` and `cpu:ftz`";
         }
         _ if path.api() == Api::Process => {
-            return "to write a program for this path, read the guide's page on paths";
+            return "to write a program for this path, read docs/guide/executors.md";
         }
         Via::Glsl | Via::Hlsl if path.api() == Api::Vulkan => {
             return "install glslang (Debian: glslang-tools; Fedora, Arch and Homebrew: glslang)";

@@ -84,7 +84,7 @@ fn absent(folder: &Path, others: &[String]) -> String {
     };
     let folder = folder.display();
     format!(
-        "there is no folder `{folder}`: Karat hasn't drawn a frame yet, or the goldens are in another folder: name that folder with \
+        "there is no folder `{folder}`: Karat hasn't drawn a frame yet, or the goldens are in another folder, which you can name with \
          --goldens DIR{others}"
     )
 }

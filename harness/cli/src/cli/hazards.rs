@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if !args.only.is_empty() {
                 writeln!(
                     out,
-                    "{DIM}--only leaves out callers of these functions, so a finding may need arguments that no caller passes{DIM:#}"
+                    "{DIM}--only leaves out the callers of the selected functions, so a finding may need arguments that no caller passes{DIM:#}"
                 )?;
             }
             all.iter()
@@ -186,7 +186,7 @@ fn look(
         if at.found > 0 && began.elapsed() > PATIENCE {
             let found = counted(at.found, "finding");
             let line = format!(
-                "checked {} of {} functions: {found} in `{}`; Karat checks the callers later",
+                "checked {} of {} functions: {found} in `{}`; Karat checks the callers of this function later",
                 at.done, at.of, at.function
             );
             bar.suspend(|| tell(&line));
@@ -339,7 +339,7 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
         let like = if hazard.needs.is_empty() {
             "similar findings"
         } else {
-            "other findings that need the same inputs"
+            "other findings that depend on the same inputs"
         };
         writeln!(out, "{DIM}    {like}: {count}; the next finding is at {place}{DIM:#}")?;
     }

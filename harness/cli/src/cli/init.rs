@@ -307,19 +307,19 @@ impl Why<'_> {
             (
                 &self.bound,
                 "function",
-                "a binding needs a value: write a test with `with = { name = .. }` in a `*.test.toml`",
+                "a binding needs a value; write a test with `with = { name = .. }` in a `*.test.toml`",
             ),
-            (&self.refused, "function", "no test can call this code: `karat call` prints why"),
+            (&self.refused, "function", "no test can call this code; `karat call` prints why"),
             (
                 &self.passes,
                 "pass",
-                "a resource has no known size, or the pass writes no resource: describe the resources in `[[compute]]` of a `*.test.toml`",
+                "a resource has no known size, or the pass writes no resource; describe the resources in `[[compute]]` of a `*.test.toml`",
             ),
         ] {
             let more = if names.len() > SHOWN { ", .." } else { "" };
             let first = names[..names.len().min(SHOWN)].join("`, `");
             if !names.is_empty() {
-                text += &format!("\n  {}: {what}: `{first}`{more}", counted(names.len(), thing));
+                text += &format!("\n  {} (`{first}`{more}): {what}", counted(names.len(), thing));
             }
         }
         text

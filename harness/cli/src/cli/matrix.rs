@@ -229,8 +229,8 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let lacks_path = matches!(stop, Stop::Unavailable(_));
     ensure!(
         if lacks_path { cells().any(ran) } else { !cells().all(absent) },
-        "path `{name}` doesn't open, so no row ran on this path: {}\nThe column `{}` translates and validates \
-         rows, but doesn't run the rows",
+        "path `{name}` doesn't open, so no row ran on this path: {}\nTo translate and validate without \
+         running, name the column `{}`",
         stop.text(),
         matrix.columns[index].language
     );

@@ -349,7 +349,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
             Fate::Equal { by } if all => (DIM, "equal", vec![by.to_string()]),
-            Fate::Idle if all => (DIM, "idle", vec!["no linked code changes".to_owned()]),
+            Fate::Idle if all => (DIM, "idle", vec!["the linked text doesn't change".to_owned()]),
             Fate::Accepted { .. }
             | Fate::Killed { .. }
             | Fate::Equal { .. }
@@ -506,7 +506,7 @@ fn parts(
         (score.equal, "equal to the original"),
         (score.accepted, "accepted in karat.toml"),
         (score.invalid, "invalid WGSL"),
-        (score.idle, "in code that no test links"),
+        (score.idle, "in code that no linked text contains"),
         (score.stopped, "without a verdict"),
     ] {
         if count > 0 {

@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     let Some((_, record)) = found else {
         let Some(name) = args.name.as_deref().filter(|_| !names.is_empty()) else {
-            let none = "no failure of the last run can be replayed: all checks passed, or the failures have no cases";
+            let none = "no failure of the last run can be replayed: all checks passed, or only checks without cases failed, such as frames";
             return Err(NotThere(none.to_owned()).into());
         };
         let near = nearest(name, known()).map_or_else(list, str::to_owned);

@@ -130,7 +130,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let mut sum = reasons.into_iter().fold(Sum::of(&records, run.as_ref()), Sum::with);
     if args.merge.is_empty() && args.record.is_none() && was_killed(&project.record()) {
-        let why = "a later run was stopped early, so this report shows the run before";
+        let why = "the last run was stopped early, so this report shows an earlier run";
         sum = sum.with(why.to_owned());
     }
     let held = args.output.hold_commands(out)?;
@@ -144,7 +144,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if run.is_none() {
         writeln!(
             out,
-            "to store the end of a run, run the tests with `karat test` or `karat record`"
+            "only `karat test` and `karat record` store the end of a run: run the tests with one of these commands"
         )?;
     }
     args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;

@@ -68,7 +68,7 @@ impl Project {
                 args.roots.iter().partition(|root| root.contains('='));
             if let [first, second, ..] = *own {
                 bail!(
-                    "you gave `--root {first}` and `--root {second}`, but a crate can have only one folder of modules"
+                    "you gave `--root {first}` and `--root {second}`, but a crate can have only one folder of modules: remove one, or for another crate write --root NAME=DIR"
                 );
             }
             let own = own.first().map(|root| root.as_str());

@@ -165,7 +165,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         remarks: remarks(left_out, &opinion).into_iter().chain(tests_beside(&packages)).collect(),
         ..Run::default()
     };
-    run.write(running.folder()).context("can't write the description of the run")?;
+    run.write(running.folder()).context("can't write the `run.json` of the record")?;
     let sum = Sum::of(&records, Some(&run));
     let (folder, _of_replay) = match is_replay {
         true => (project.record(), Some(running)),
@@ -439,7 +439,7 @@ impl<'a> Asked<'a> {
             tests.iter().any(|test| self.filter.is_none_or(|filter| test.name.contains(filter)))
         };
         if packages.iter().any(left_out) {
-            let none = "no test runs, because the conditions of all tests are false";
+            let none = "no test runs, because the conditions of all tests are false; `--feature NAME` turns a feature on";
             return NotThere(none.to_owned());
         }
         let Some(filter) = self.filter else {

@@ -285,6 +285,10 @@ fn write_parting(
             writeln!(out, "  {HEAD}today{HEAD:#}:  {}", shown(is))?;
         }
     }
-    writeln!(out, "the engine returns {}; at {revision} it was {}", after.engine, before.engine)?;
+    writeln!(
+        out,
+        "the engine returns {}, and returned {} at {revision}",
+        after.engine, before.engine
+    )?;
     Ok(())
 }

@@ -92,7 +92,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if none && !evidence.elsewhere.is_empty() {
         let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
         return Err(NotThere(format!(
-            "the last run compared no frame with a golden of `{shown}`, but with goldens of `{}`; \
+            "the last run compared no frame with a golden of `{shown}`, only with goldens of `{}`; \
              name the folder that you mean with --goldens DIR",
             elsewhere.join("`, `")
         ))
@@ -185,7 +185,7 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         let file = file.display();
         writeln!(
             out,
-            "{BAD}not deleted, because no note says that Karat accepted this file: delete the file \
+            "{BAD}not deleted, because this file has no provenance: delete the file \
              yourself, or compare the file in a test{BAD:#}  {file}"
         )?;
     }

@@ -453,7 +453,7 @@ fn tests_in_shipped_files_are_reported_and_can_be_stripped() {
     write(folder.path(), "shaders/m_test.wgsl", "@test fn is_one() { expect(true); }\n");
     let out = karat(folder.path(), CHECK).good();
     assert!(
-        out.contains("warning: this file has 2 tests, and an engine that loads the file"),
+        out.contains("warning: this file has 2 tests, and a program that loads the file"),
         "{out}"
     );
     assert!(out.contains("shaders/n.wgsl:4:1") && !out.contains("m_test.wgsl:"), "{out}");
@@ -584,8 +584,8 @@ mod fakes {
             ("it hangs at once", "cat >/dev/null\n".to_owned(), "the program didn't answer within"),
             ("garbage", says(&["Segmentation fault"]), "can't be read: Segmentation fault"),
             ("half an answer", says(&["{\"id\":1,"]), "can't be read: {\"id\":1,"),
-            ("another text", says(&[&other, &last]), "Tint answered about another text"),
-            ("another question", says(&[&empty]), "Tint answered about another text"),
+            ("another text", says(&[&other, &last]), "Tint's answer is about another shader"),
+            ("another question", says(&[&empty]), "Tint's answer is about another shader"),
             ("twice", says(&[&good, &good, &last]), "Tint answered twice"),
             ("it can't start", "echo '{\"error\":\"no Dawn\"}' >&2\n".to_owned(), "run: no Dawn"),
         ] {
@@ -705,7 +705,8 @@ fn a_barrier_that_some_invocations_miss_shows_the_error_of_tint() {
     );
     let told = with_tint(folder.path(), &["test", "shaders"]);
     assert_eq!(told.code, Some(1), "{told:?}");
-    let word = "Tint reports the same error without a run: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
+    let word =
+        "Tint's compiler reports the same error: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
     assert!(told.out.contains(word), "{}", told.out);
     let alone = output(command(folder.path(), &["test", "shaders"]).env("KARAT_TINT", "off"));
     assert_eq!(alone.code, Some(1), "{alone:?}");

@@ -52,7 +52,7 @@ fn uncovered_lines_branches_and_results_are_listed() {
         "9 no test runs this code in `calc::lonely`",
         "13 no test checks the value of this code in `calc::looked_at`",
         "18 no test runs this code in `calc::shade`",
-        "lines 71.4% (5 of 7), ways 100% (2 of 2), functions 50% (2 of 4) by 3 tests",
+        "lines 71.4% (5 of 7), outcomes of branches 100% (2 of 2), functions 50% (2 of 4) by 3 tests",
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
@@ -138,7 +138,7 @@ fn coverage_is_counted_for_each_variant_and_for_all() {
     write(&folder.path().join("shaders"), "scaled.test.toml", &tests);
     let ran = karat(folder.path(), &["coverage", "--missing"]);
     assert_eq!(ran.code, Some(0), "{ran:?}");
-    assert!(ran.out.contains("lines 80% (8 of 10), ways 100% (4 of 4)"), "{ran:?}");
+    assert!(ran.out.contains("lines 80% (8 of 10), outcomes of branches 100% (4 of 4)"), "{ran:?}");
     let row = |name: &str| {
         let line = ran.out.lines().find(|line| line.starts_with(name)).unwrap_or_default();
         line.split_whitespace().rev().take(2).map(str::to_owned).collect::<Vec<_>>()

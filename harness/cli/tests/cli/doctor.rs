@@ -32,7 +32,7 @@ fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
     let ran = karat(folder.path(), &["doctor", "shaders"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "2 of 7 modules complete",
+        "2 of 7 modules valid",
         "BLOCK_SIZE = 64 # invented value: no module declares this name",
         "ACT = \"\" # empty",
         "EXTRA = \"\" # empty",
@@ -41,7 +41,7 @@ fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
         "fast = true # a declaration needs this feature",
         "slow = true # a declaration needs this feature",
         "noise = { path = \"../noise\" }",
-        "with these lines, 7 of 7 modules are complete",
+        "with these lines, 7 of 7 modules are valid",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
@@ -61,7 +61,7 @@ fn doctor_prints_and_writes_the_lines_that_karat_toml_lacks() {
     let required = karat(folder.path(), &["doctor", "shaders", "--require", "banana"]).error();
     assert!(required.contains("banana"), "{required}");
     karat(folder.path(), &["doctor", "shaders", "--require", "cpu"]).good();
-    assert!(again.contains("8 modules, all complete"), "{again}");
+    assert!(again.contains("8 modules, all valid"), "{again}");
     karat(folder.path(), &["check", "--shaders", "shaders"]).good();
 }
 
@@ -75,11 +75,11 @@ fn doctor_reports_errors_that_karat_toml_cannot_repair() {
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "0 of 3 modules complete",
+        "0 of 3 modules valid",
         "preprocess = [..]",
         "no definition in scope for identifier: `lower`",
         "[dependencies] sky = { path = \"../sky\" }, or { crate = \"sky@1.2.3\" }",
-        "3 modules not complete",
+        "3 modules not valid",
     ] {
         assert!(ran.out.contains(part), "{part}: {ran:?}");
     }
@@ -114,7 +114,7 @@ fn doctor_does_not_damage_karat_toml() {
         let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(
-            ran.out.contains("you must choose where to write the lines in")
+            ran.out.contains("karat.toml may also need these lines")
                 && ran.out.contains("ROWS = 64"),
             "{ran:?}"
         );
@@ -136,7 +136,7 @@ fn doctor_does_not_damage_karat_toml() {
     std::fs::remove_file(&file).expect("it is there");
     let ran = karat(folder.path(), &["doctor", "shaders", "--write"]);
     assert!(
-        ran.code == Some(1) && ran.out.contains("with these lines no module becomes complete"),
+        ran.code == Some(1) && ran.out.contains("no module becomes valid with them"),
         "{ran:?}"
     );
     assert!(!file.exists(), "{ran:?}");

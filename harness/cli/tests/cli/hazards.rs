@@ -82,7 +82,7 @@ fn requirements_fail_a_run_that_denies_them() {
     for part in [
         "requirement: NaN  0.5 * (b - a) / k  shaders/fresnel.wgsl:2:16",
         "needs another `k`: it fails where k is ",
-        "other findings that need the same inputs: 2; the next finding is at shaders/fresnel.wgsl:2:",
+        "other findings that depend on the same inputs: 2; the next finding is at shaders/fresnel.wgsl:2:",
         "requirements in 4 functions, 1 met, 1 dropped",
     ] {
         assert!(ran.contains(part), "no `{part}` in {ran}");

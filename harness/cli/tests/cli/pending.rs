@@ -91,7 +91,7 @@ fn pending_frames_are_listed_accepted_and_rejected() {
     let golden = folder.join("golden");
     let missing = karat(folder, &["pending"]);
     assert_eq!(missing.code, Some(2), "{missing:?}");
-    assert!(missing.err.contains("name that folder with --goldens DIR"), "{missing:?}");
+    assert!(missing.err.contains("which you can name with --goldens DIR"), "{missing:?}");
     std::fs::create_dir_all(golden.join("furnace")).expect("a folder");
     assert_eq!(karat(folder, &["pending"]).good(), "nothing is pending\n");
     assert_eq!(karat(folder, &["pending", "--json"]).good(), "[]\n");
@@ -247,7 +247,7 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
     // The frame is already accepted. Accepting it again is no error.
     let out = karat(folder, &accept).good();
     assert!(
-        out.contains("the golden `golden/scene.exr` has the same pixels and facts already"),
+        out.contains("the golden `golden/scene.exr` has the same content and provenance already"),
         "{out}"
     );
     // The frame wasn't compared with the golden that exists now.

@@ -141,7 +141,7 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     // `karat report` shows the last run that ended. A run that began later has no verdict.
     runs.assert_last("before", 1);
     let report = karat(runs.project.path(), &["report"]).out;
-    assert!(report.contains("a later run was stopped early"), "{report}");
+    assert!(report.contains("the last run was stopped early"), "{report}");
     // While one run is live, a third run begins and ends, and deletes the files of the killed run.
     let live = runs.start("live", "pass");
     write(runs.project.path(), "go.killed", "");

@@ -324,7 +324,7 @@ impl<'m> Lower<'m> {
     fn depth(&self, is: impl Fn(Frame) -> bool) -> Lowered<u32> {
         match self.open.iter().rev().position(|open| is(open.frame)) {
             Some(depth) => Ok(depth as u32),
-            None => Err(self.refuse("a jump outside of a loop, a `switch` and a function")),
+            None => Err(self.refuse("a jump outside of a loop, a `switch` or a function")),
         }
     }
 

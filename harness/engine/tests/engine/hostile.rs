@@ -76,7 +76,7 @@ fn missing_features_are_refused_by_name_and_line() {
     let refusal = refused(source);
     assert_eq!(
         refusal.to_string(),
-        "the engine doesn't execute a derivative outside of a fragment shader"
+        "the engine doesn't support a derivative outside of a fragment shader"
     );
     assert_eq!(line(source, refusal.span), 2);
     let refusal = refused("fn f(x: f32) -> f32 { if x > 0.0 { discard; } return x; }");

@@ -153,7 +153,7 @@ impl Resources {
                 let most = ranges.length(other, u32::MAX, false) as usize;
                 if needed > most {
                     return Err(format!(
-                        "`{}` is declared to have {own} different elements, too many for length({other}), which is at most {most}",
+                        "`{}` is declared to have {own} different elements below length({other}), but length({other}) is at most {most}",
                         binding.name()
                     ));
                 }

@@ -75,9 +75,9 @@ impl Divergence {
         }
         if let Some(Intermediate { name, location, here, there, in_loop, .. }) = &self.first {
             let place = location.as_ref().map_or_else(String::new, |at| format!(" ({at})"));
-            let last = if *in_loop { ", with its last value in a loop" } else { "" };
+            let last = if *in_loop { " in the last iteration of its loop" } else { "" };
             text += &format!(
-                "; the first variable that differs is `{name}`{place}{last}: {here}, and {there}"
+                "; the first variable that differs is `{name}`{place}{last}: {here} on `{column}`, and {there} on `{baseline}`"
             );
         }
         if !self.unseen.is_empty() {

@@ -85,7 +85,7 @@ impl Journal {
             cell.stopped = Some(match index == blamed {
                 true => Stop::Broke(last.why.clone()),
                 false => Stop::NotRun(format!(
-                    "the row doesn't run here, because the row ends the process on `{on}`: {}",
+                    "Karat doesn't run the row here, because the row ended an earlier process on `{on}`: {}",
                     last.why
                 )),
             });

@@ -130,7 +130,7 @@ impl Matrix {
         let more = rows.len().saturating_sub(MOST_NAMES);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         Some(format!(
-            "{results} in {} where WGSL doesn't define the result, which isn't a finding: {}{more}",
+            "{results} in {}, but WGSL doesn't define these results, so they aren't findings: {}{more}",
             match cells.len() {
                 1 => "1 cell differ".to_owned(),
                 count => format!("{count} cells differ"),

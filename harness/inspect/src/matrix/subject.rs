@@ -140,7 +140,7 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
     let shader = shader(program.text(), &program)?;
     let name = program.entry_point_name(own).to_owned();
     let known = shader.entry_points().into_iter().find(|e| e.name == name);
-    let stage = known.ok_or_else(|| format!("naga has no entry point `{name}`"))?.stage;
+    let stage = known.ok_or_else(|| format!("naga finds no entry point `{name}`"))?.stage;
     Ok((shader, program, name, stage.to_string()))
 }
 

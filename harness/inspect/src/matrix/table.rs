@@ -86,7 +86,7 @@ pub enum MatrixError {
         most: usize,
     },
     /// The journal file, which records the row that ran when a process ended, can't be read.
-    #[error("can't read `{file}`, which records the row that ran when a process ended: {why}")]
+    #[error("can't read `{file}`, in which Karat notes each row before the row runs: {why}")]
     Journal {
         /// The file's path.
         file: String,
@@ -94,7 +94,7 @@ pub enum MatrixError {
         why: String,
     },
     /// A declaration about a row that doesn't work is wrong.
-    #[error("the declaration that row `{row}` doesn't work on `{column}` is wrong: {why}")]
+    #[error("the declared failure of row `{row}` on `{column}` can't be used: {why}")]
     Known {
         /// The row's name.
         row: String,

@@ -1,8 +1,7 @@
-//! Expressions that lose digits, or become NaN or infinite, for some inputs in the declared ranges, and equivalent
-//! expressions without these faults. All these expressions compute in `f32`. The sources are: Hamming, *Numerical
-//! Methods for Scientists and Engineers*, chapter 3; and the 33 expressions in single precision of Herbie's benchmarks,
-//! which are formulas of pbrt, the level of detail in Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic
-//! functions.
+//! Expressions that lose digits, or become NaN or infinite, for some inputs in their ranges, and equivalent expressions
+//! without these faults. All these expressions compute in `f32`. The sources are: Hamming, *Numerical Methods for
+//! Scientists and Engineers*, chapter 3; and the 33 expressions in single precision of Herbie's benchmarks, which are
+//! formulas of pbrt, the level of detail in Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic functions.
 
 #![expect(clippy::approx_constant, reason = "they are the constants that the shaders have")]
 
@@ -396,7 +395,7 @@ fn loses(expression: &Expression) -> bool {
     })
 }
 
-/// The number of expressions with a fault (found, missed), and without a fault (reported, silent).
+/// Expressions with a fault (`found`, `missed`), and without a fault (`wrong` if Karat reports one, else `right`).
 #[derive(Debug, Default)]
 struct Told {
     found: usize,
@@ -433,7 +432,7 @@ fn told(all: Vec<Expression>) -> Told {
     told
 }
 
-/// With declared ranges, each expression that loses digits or isn't finite is a fault, and no other expression is.
+/// With declared ranges, Karat reports the expressions that lose digits or aren't finite, and no others.
 #[test]
 fn expressions_that_lose_digits_are_found() {
     for (name, all) in [("Hamming", of_hamming()), ("Herbie", of_herbie())] {

@@ -1,8 +1,8 @@
-//! Kernels with known faults, modelled on published sets. The sets are: the graph patterns of Indigo (Liu, Azami,
-//! Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022); the kinds of `DataRaceBench` that
-//! exist in WGSL; the locks, scopes and work stealing of `ScoR` (Kamath, George, Basu, 2020); and the kinds of indices
-//! outside of arrays that Vulkan's GPU-assisted validation finds. The text of all kernels is new. By default, every
-//! 23rd kernel runs. `SUITES=whole` runs all kernels and prints the scores.
+//! Kernels with known faults, modelled on published test suites. The suites are: the graph patterns of Indigo (Liu,
+//! Azami, Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022); the kinds of
+//! `DataRaceBench` that exist in WGSL; the locks, scopes and work stealing of `ScoR` (Kamath, George, Basu, 2020); and
+//! the kinds of indices outside of arrays that Vulkan's GPU-assisted validation finds. The text of all kernels is new.
+//! By default, every 23rd kernel runs. `SUITES=whole` runs all kernels and prints the scores.
 
 mod expressions;
 
@@ -42,7 +42,7 @@ impl Kernel {
     }
 }
 
-/// The number of the graph's vertices, and the number of edges at each vertex.
+/// The number of the graph's vertices.
 const VERTICES: u32 = 100;
 
 fn graph() -> [Vec<u32>; 3] {
@@ -61,7 +61,8 @@ const MAPPINGS: [(&str, &str, &str, &str); 3] = [
     ("workgroup", "w.x", "l", "64u"),
 ];
 
-/// A kernel over the edges of each vertex. `each` is the code for an edge to `u`. `last` is the code after all edges.
+/// A kernel over the edges of each vertex. `each` is the code that runs for each edge, to a vertex `u`. `last` is the
+/// code after all edges.
 fn of_graph(
     (mapping, backwards, guarded): (usize, bool, bool),
     (number, is_atomic): (&str, bool),
@@ -256,8 +257,8 @@ fn indigo() -> Vec<Kernel> {
     all
 }
 
-/// Bodies of kernels with and without a race. They use `a`, `b` (read-only), `c`, `t` (atomics) and `idx`, all with `n`
-/// elements, and a `tile` of 64.
+/// Pairs of kernel bodies: one body has a race, and the other has none. They use `a`, `b` (read-only), `c`, `t`
+/// (atomics) and `idx`, all with `n` elements, and a `tile` of 64.
 const PAIRS: [(&str, &str, &str); 32] = [
     (
         "antidependence",
@@ -409,8 +410,8 @@ var<workgroup> tile: array<i32, 64>;
     )
 }
 
-/// Bodies of kernels with an index outside of an array, and with a guard for the index. Vulkan's GPU-assisted
-/// validation finds such indices.
+/// Pairs of kernel bodies: one body uses an index outside of an array, and the other guards the index. Vulkan's
+/// GPU-assisted validation finds such indices.
 const OUTSIDE: [(&str, &str, &str); 16] = [
     ("read of a buffer", "c[i] = b[i + 1u];", "c[i] = b[min(i + 1u, n - 1u)];"),
     ("write to a buffer", "c[i + 1u] = b[i];", "if i + 1u < n { c[i + 1u] = b[i]; }"),
@@ -450,8 +451,8 @@ const OUTSIDE: [(&str, &str, &str); 16] = [
     ),
 ];
 
-/// Karat finds each index outside of an array, both with the test's data and with generated data, and reports no
-/// guarded index.
+/// Karat finds each index outside of an array, both with the test's data and with generated data. It reports no guarded
+/// index.
 #[test]
 fn indices_outside_are_found() {
     for (name, outside, guarded) in OUTSIDE {

@@ -40,7 +40,7 @@ impl Assertion {
         }
     }
 
-    /// The name of the caller's number in an error about the reference.
+    /// The name of the caller's number in an error about this number: `integral` or `bound`.
     pub(super) fn what(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "integral",
@@ -48,7 +48,7 @@ impl Assertion {
         }
     }
 
-    /// The name of the caller's number in a message about a doubtful integral.
+    /// The name of the caller's number in a message about a doubtful integral: `expected` or `the bound`.
     pub(super) fn stated(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "expected",
@@ -101,7 +101,7 @@ impl Bound<'_> {
         }
     }
 
-    /// The difference between the integrals by both rules, divided by the tolerance or the slack.
+    /// The difference between the two rules' integrals, divided by the tolerance or the slack.
     pub(super) fn doubt(&self, lane: usize, value: f64, control: f64) -> LaneError {
         match self {
             Self::AgreesWith(tolerance) => tolerance.measure_sum(lane, control, value),
@@ -109,9 +109,9 @@ impl Bound<'_> {
         }
     }
 
-    /// Checks if the integrals by both rules clearly fail. Returns `true` if both integrals lie on the same
-    /// side of the expected value, and if each integral still fails after moving closer to the expected value
-    /// by the difference between the two integrals.
+    /// Checks if the integrals of both rules clearly fail. Returns `true` if both integrals lie on the same side of the
+    /// expected value, and if each integral still fails after moving closer to the expected value by the difference
+    /// between the two integrals.
     pub(super) fn refuses_both(&self, lane: usize, sums: [f64; 2], expected: f64) -> bool {
         let doubt = (sums[0] - sums[1]).abs();
         let above = sums[0] > expected;
@@ -148,9 +148,13 @@ impl std::fmt::Display for Assertion {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::AgreesWith(tolerances) => write!(f, "{}", tolerances.general),
-            Self::IsAtMost(0.0) => f.write_str("at most its bound"),
+            Self::IsAtMost(0.0) => f.write_str("each integral is at most its bound"),
             Self::IsAtMost(slack) => {
-                write!(f, "at most its bound, plus the slack {}", Tolerance::Abs(*slack))
+                write!(
+                    f,
+                    "each integral is at most its bound, plus the slack {}",
+                    Tolerance::Abs(*slack)
+                )
             }
         }
     }
@@ -185,8 +189,8 @@ mod tests {
         }
     }
 
-    /// If the integrals by both rules are far off, the check fails. If one rule may be right and passes, there
-    /// is no verdict.
+    /// If both rules give integrals that are clearly wrong, the check fails. If one of the two rules may be right and
+    /// its integral passes, there is no verdict.
     // Lesson 67
     #[test]
     fn a_bound_fails_if_both_rules_refuse_it() {

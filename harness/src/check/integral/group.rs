@@ -21,7 +21,7 @@ pub(super) struct Group {
 
 pub(super) struct Case {
     pub(super) value: Held,
-    /// The nodes of the rule, followed by the nodes of the second rule.
+    /// The nodes of both rules: `own` nodes of the first rule, followed by the nodes of the second rule.
     nodes: Nodes,
     own: usize,
     /// The components of the expected integral, or of the bound.
@@ -75,9 +75,9 @@ impl Group {
         self.cases.iter().map(|case| case.nodes.weights.len()).sum()
     }
 
-    /// Evaluates all nodes and judges the sums. An integral is doubtful if the results of its two rules give no
-    /// verdict. Doubtful integrals don't count as failing. Returns the error about the first doubtful integral
-    /// as the second value.
+    /// Evaluates all nodes and judges the sums. If the two rules of an integral give no verdict (see `doubt`), the
+    /// integral is doubtful, and doesn't count as failing. The second returned value is the error about the first
+    /// doubtful integral.
     pub(super) fn integrate(
         &self,
         session: &Session<'_>,
@@ -134,9 +134,9 @@ impl Group {
         Ok((tally, undecided))
     }
 
-    /// Returns an error if an integral has no verdict. An integral has no verdict if the integrals by its two
-    /// rules differ by more than the assertion allows, but one of them may be right and passes. If the result
-    /// at a node isn't finite, the integral fails.
+    /// Returns an error if an integral has no verdict. An integral has no verdict if its two rules give values that
+    /// differ by more than the assertion allows, unless both values clearly fail (see `refuses_both`). If the result at
+    /// a node isn't finite, the integral fails.
     fn doubt(
         &self,
         session: &Session<'_>,
@@ -164,7 +164,7 @@ impl Group {
                 let reason = format!(
                     "gives {value} with {} nodes and {control} with {nodes} nodes (a difference of \
                      {doubt}, and {expected} is {}), so there is no verdict: use more rings, or your \
-                     own rule with `.integral(...)`,",
+                     own rule with `.integral(...)`",
                     case.own,
                     assertion.stated(),
                 );
@@ -215,11 +215,11 @@ impl Case {
     /// Describes why the rule can't be used. `None` if the rule can be used.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
-            return Some("has no nodes, so it can't integrate,".to_owned());
+            return Some("has no nodes, so it can't integrate".to_owned());
         }
         let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
         Some(format!(
-            "has the weight {} at node {bad}, but weights must be finite,",
+            "has the weight {} at node {bad}, but weights must be finite",
             self.nodes.weights[bad]
         ))
     }

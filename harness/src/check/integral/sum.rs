@@ -56,8 +56,8 @@ impl Compensated {
         self.sum = sum;
     }
 
-    /// Returns the sum plus the collected rounding errors. If the plain sum is NaN or infinite, `lost` is NaN,
-    /// so the function returns the plain sum.
+    /// Returns the sum plus the collected rounding errors. If the plain sum is NaN or infinite, the rounding errors
+    /// aren't finite either, so the function returns only the plain sum.
     fn total(&self) -> f64 {
         if self.sum.is_finite() { self.sum + self.lost } else { self.sum }
     }
@@ -65,7 +65,7 @@ impl Compensated {
 
 #[cfg(test)]
 impl Sum {
-    /// Sums scalar terms, each a weight and a value.
+    /// Sums `weight * value` over pairs of a weight and a value.
     pub(super) fn of_scalars(terms: &[(f64, f32)]) -> Self {
         let mut sum = Self::new(1);
         for (node, (weight, value)) in terms.iter().enumerate() {

@@ -9,7 +9,7 @@ use crate::value::{Arguments, Scalar, Shape, Shareable};
 /// The number of samples that share a stream of random numbers.
 const BLOCK: usize = 2048;
 
-/// The number of samples that are in memory at a time.
+/// The largest number of samples that Karat keeps in memory at a time.
 pub(super) const STRIDE: usize = 65_536;
 
 /// A function that is ready to be called on one path.
@@ -17,11 +17,11 @@ pub(super) struct Calls<'s> {
     pub(super) called: &'s Called<'s>,
 }
 
-/// A function that appends arguments for some points or random numbers. The points or numbers are `u32` words,
-/// one point or number after the other.
+/// A function that takes points (or random numbers) as `u32` words, and appends a function's arguments for each point
+/// to a vector.
 pub(super) type Given<'g> = &'g (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
-/// Turns `of` into a function that appends the words of the arguments that `of` returns.
+/// Turns `of`, which returns arguments as Rust values, into a function that appends the arguments' words to a vector.
 pub(super) fn given<X: Shareable, A: Arguments>(
     of: impl Fn(X) -> A + Sync,
 ) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
@@ -74,8 +74,8 @@ impl Calls<'_> {
         Err(Mismatch::Random(random.clone()).of(self.called.function()))
     }
 
-    /// Returns the words of the arguments for some points, and the results of the function. The points are
-    /// `u32` words, one point after the other.
+    /// Calls the function at points, which are `u32` words, one point after the other. Returns the words of the
+    /// arguments and of the results.
     pub(super) fn at(
         &self,
         points: &[u32],
@@ -94,9 +94,8 @@ impl Calls<'_> {
     }
 }
 
-/// Makes the arguments of `count` calls from random numbers of these types. The calls begin at sample `first`,
-/// which must be a multiple of the block's length. A random `f32` is a multiple of 2^-24 in [0, 1), as in most
-/// generators on GPUs.
+/// Makes the arguments of `count` calls from random numbers. The first call is for the sample with index `first`, which
+/// must be a multiple of `BLOCK`. A random `f32` is a multiple of 2^-24 in [0, 1), as in most generators on GPUs.
 pub(super) fn draw(
     seed: u64,
     first: usize,

@@ -41,8 +41,8 @@ struct Outcome {
     rejection: Option<PathRejection>,
 }
 
-/// Runs a check of a sampler. `expect` compares the functions' signatures. `judge` judges one configuration on
-/// one path.
+/// Runs a check of a sampler. `expect` returns an error if the functions' signatures don't fit. `judge` judges one
+/// configuration on one path.
 pub(super) fn conclude(
     sampler: Sampled<'_, '_>,
     hypothesis: &Hypothesis,
@@ -202,7 +202,7 @@ fn configuration_seed(seed: u64, index: u64) -> u64 {
     u64::from(source.bits()) << 32 | u64::from(source.bits())
 }
 
-/// The judgements of one path's configurations, summed up.
+/// The numbers of judged and rejected configurations on one path, and the worst configuration.
 struct Sum {
     configurations: u64,
     rejected: u64,

@@ -27,11 +27,11 @@ where
     ///
     /// There are about 512 cells. The cells are smaller where samples are dense. The test misses errors that cancel
     /// each other within a cell. The test also misses a spike of the density that no sample and no quadrature node
-    /// hits. So also compare the density with a reference.
+    /// hits. To find such errors, also compare the density with a reference.
     ///
-    /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) the integral may
-    /// be less than 1. Then the share of samples outside the support must be 1 minus the integral. If the
-    /// density of a single sample is 0, the check fails.
+    /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) the integral may be less
+    /// than 1. Then the share of samples outside the support must be 1 minus the integral. If the density is 0 at even
+    /// one sample, the check fails.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -206,7 +206,7 @@ where
 }
 
 impl Sampled<'_, '_> {
-    /// Checks that samples follow the first function in `others`, the density.
+    /// Checks that samples follow the density `others[0]`.
     fn follows(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let text = format!("{} on {}", others[0].probe.name, settings.support);
@@ -217,9 +217,8 @@ impl Sampled<'_, '_> {
         })
     }
 
-    /// Checks that samples follow the first function in `others`, the density, and that they estimate the
-    /// integral of the second function. If there is a third function, this function must return the samples'
-    /// weights.
+    /// Checks that samples follow the density `others[0]`, and estimate the integral of `others[1]`. If there is an
+    /// `others[2]`, checks that this function returns the samples' weights.
     fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
@@ -247,8 +246,8 @@ impl Sampled<'_, '_> {
         })
     }
 
-    /// Returns the smallest power of [`follows`](Self::follows) against the second function in `others`, the
-    /// alternative density.
+    /// Returns the probability that [`follows`](Self::follows) rejects samples of the alternative density `others[1]`:
+    /// the smallest such probability of all configurations and paths.
     fn power(self, others: &[Other<'_>], point: &Shape) -> Result<Power, Failure> {
         let (density, alternative) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{density} against {alternative}");
@@ -278,8 +277,8 @@ impl Sampled<'_, '_> {
         Ok(power)
     }
 
-    /// Compares the signatures of the sampler and the density with the support. `given` is the type of the
-    /// points that the density takes.
+    /// Returns an error if the sampler and the density don't return the types that the support needs. `given` is the
+    /// type of the points that the density takes.
     fn expect_density(self, functions: &Functions<'_>, given: &Shape) -> Result<(), Failure> {
         functions.sampler().expect_random(self.random)?;
         let support = self.settings.support;
@@ -300,5 +299,5 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
     functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
-/// Stands for the function that returns the weights, in checks without such a function.
+/// A type for the argument `weight`, which is `None` in checks without a function that returns weights.
 type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

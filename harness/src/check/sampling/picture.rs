@@ -12,7 +12,7 @@ const SIDE: u32 = 8;
 
 const NAMED: usize = 3;
 
-/// The difference, in standard deviations, that the picture shows as bright as the mean count.
+/// A difference of this many standard deviations is as bright in the picture as the mean count.
 const BRIGHT: f64 = 4.0;
 
 pub(super) struct Histogram {
@@ -21,7 +21,7 @@ pub(super) struct Histogram {
     pub(super) expected: Vec<f64>,
 }
 
-/// The names of the coordinates that vary with the row and with the column of cells.
+/// The names of a cell's two coordinates: one grows from row to row, the other from column to column.
 fn axes(support: Support) -> [&'static str; 2] {
     match support {
         Support::Sphere | Support::Hemisphere => ["theta", "phi"],

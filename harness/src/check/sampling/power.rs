@@ -91,9 +91,9 @@ where
         Ok(power.into_inner())
     }
 
-    /// Returns a lower bound of the probability that [`has_distribution`](Self::has_distribution) rejects
-    /// samples with the distribution function `alternative`. This method asserts nothing. Karat compares the
-    /// two distribution functions at the sampler's own samples.
+    /// Returns a lower bound for the probability that [`has_distribution`](Self::has_distribution) rejects samples with
+    /// the distribution function `alternative`. This method asserts nothing. Karat compares the two distribution
+    /// functions at the sampler's own samples.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -118,9 +118,9 @@ pub struct ConfigurationRejection {
     pub configuration: String,
     /// The reasons to reject the configuration's samples.
     pub findings: Vec<Finding>,
-    /// Additional facts: the density's integral, the worst cells.
+    /// Additional facts, such as the density's integral and the worst cells.
     pub notes: Vec<(&'static str, String)>,
-    /// The files of the pictures. They show the observed counts, the expected counts and their difference.
+    /// The files of the pictures. Each picture shows the observed counts, the expected counts and their difference.
     pub pictures: Vec<PathBuf>,
 }
 
@@ -147,7 +147,7 @@ pub enum Finding {
         /// The first call with this fault, as text.
         call: String,
     },
-    /// A sample isn't a unit vector, although the support contains directions.
+    /// Some samples aren't unit vectors, although the points of the support are directions.
     NotUnit {
         /// The number of samples with this fault.
         count: u64,
@@ -182,7 +182,7 @@ pub enum Finding {
         /// The first wrong weight, and the expected weight, as text.
         call: String,
     },
-    /// The integral of a density isn't 1. If samples may leave the support, the integral is more than 1.
+    /// The integral of a density isn't 1, or is more than 1 if samples may leave the support.
     Mass {
         /// The integral.
         integral: f64,
@@ -233,7 +233,7 @@ pub enum Finding {
     },
 }
 
-/// Joins a count with the singular or the plural text.
+/// Returns the count, followed by `one` for a count of 1, or by `several`.
 fn told(count: u64, one: &str, several: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { several })
 }
@@ -318,7 +318,7 @@ pub(super) struct Worst {
 }
 
 impl Worst {
-    /// Writes the pictures. The check's name and the path's name form the file names.
+    /// Writes the pictures. The file names consist of the check's name, the path's name and the configuration's index.
     pub(super) fn reported(
         self,
         support: Support,

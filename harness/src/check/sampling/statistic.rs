@@ -44,9 +44,9 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Computes a number from each sample, and compares the mean of these numbers with the expected mean. The
-    /// standard error is the scale of the comparison. The check ignores a difference of up to `slack`, which
-    /// allows for the samples' rounding and the error of the expected mean.
+    /// Computes a number from each sample, and compares the mean of these numbers with the expected mean. The check
+    /// measures the difference between the two means in standard errors. The check ignores a difference of up to
+    /// `slack`, which allows for the samples' rounding and the error of the expected mean.
     ///
     /// ```no_run
     /// # use glam::{Vec2, Vec3};
@@ -89,10 +89,10 @@ where
         self.with_sampler(|sampler| numbers.mean(sampler, name, &expected, slack))
     }
 
-    /// Computes a number from each sample, and checks the Kolmogorov distance between the distribution of these
-    /// numbers and a distribution function. The distribution function takes a configuration and a number, and
-    /// returns the probability of a value up to that number. The check ignores a distance of up to `slack`,
-    /// which allows for the errors of the samples and of the distribution function.
+    /// Computes a number from each sample, and checks the Kolmogorov distance between the distribution of these numbers
+    /// and a distribution function. The distribution function takes a configuration and a number, and returns the
+    /// probability that a sample's number is at most that number. The check ignores a distance of up to `slack`, which
+    /// allows for the errors of the samples and of the distribution function.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -204,8 +204,8 @@ impl Numbers<'_> {
         })
     }
 
-    /// Computes the numbers from a configuration's samples. Also returns the calls for which the number isn't
-    /// finite.
+    /// Computes the numbers from a configuration's samples. Also returns how many numbers aren't finite, and the first
+    /// call with such a number.
     fn of_samples(
         &self,
         Sampled { settings, random, arguments, .. }: Sampled<'_, '_>,

@@ -17,8 +17,8 @@ fn the_exposures_are_pinned_when_a_golden_is_accepted() {
     assert!(failed.to_string().contains(&format!("FLIP used exposures of {expected}")), "{failed}");
 }
 
-/// The hashes of modules explain a difference, and don't affect the comparison. A golden without these hashes is
-/// compared as before.
+/// The hashes of modules explain a difference, and don't affect the comparison. So Karat still compares frames with
+/// older goldens, which lack these hashes.
 #[test]
 fn a_golden_has_the_hash_of_each_of_its_modules() {
     let project = Project::with_golden();
@@ -100,7 +100,9 @@ fn a_golden_that_would_not_change_is_not_written() {
     let difference = Box::new(FrameDifference::Size { golden: (0, 0), actual: (0, 0) });
     let same = GoldenError::Differs { case, golden, difference, pending, advice };
     let accepted = project.accept(&same, "again", None).expect("nothing speaks against it");
-    assert!(!accepted.written && accepted.warnings[0].contains("has the same pixels and facts"));
+    assert!(
+        !accepted.written && accepted.warnings[0].contains("has the same content and provenance")
+    );
     assert_eq!(std::fs::read(&golden_file).expect("there"), before);
     // Accepting replaces facts that were edited by hand.
     let sidecar = golden_file.with_extension("toml");
@@ -229,7 +231,7 @@ fn a_stale_acceptance_is_refused() {
     stale(project.accept(&failed, "why", Some("gl-llvmpipe")));
 }
 
-/// An acceptance was killed before it removed the pending frame. Accepting again keeps the golden and removes the
+/// If `karat accept` is killed before it removes the pending frame, accepting again keeps the golden and removes the
 /// frame.
 // Lesson 60
 #[test]

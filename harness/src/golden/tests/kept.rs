@@ -34,7 +34,7 @@ fn large_goldens_are_warned_of_and_refused() {
     assert!(error.to_string().contains("and Karat accepts at most 1024 KiB"), "{error}");
 }
 
-/// Pixels pass if they differ only by their noise. A tile that differs by more than its noise fails.
+/// A frame passes if it differs from its golden only by noise, and fails if a tile differs by more than its noise.
 // Lesson 46
 #[test]
 fn noise_is_kept_with_the_golden() {
@@ -139,7 +139,7 @@ fn frames_are_stored_as_precisely_as_they_are_compared() {
     assert!(failed.contains("70000 instead of"), "{failed}");
 }
 
-/// A pending frame stays until a frame of its own profile agrees.
+/// A pending frame stays until a frame of the same profile agrees with the golden.
 #[test]
 fn a_pending_frame_stays_until_its_own_profile_agrees() {
     let project = Project::with_golden();
@@ -174,8 +174,8 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     let text = project.text(&failed);
     assert!(
         text.ends_with(
-            "look at `golden/room/ramp.new.exr`, then delete `golden/@gl-llvmpipe/room/ramp.exr` \
-             with its `.toml` and run the test again: the frame passes with the golden for all profiles"
+            "look at `golden/room/ramp.new.exr`, then delete the profile's own golden \
+             `golden/@gl-llvmpipe/room/ramp.exr` and its `.toml`, and run the test again: the frame passes with the golden for all profiles"
         ),
         "{text}"
     );
@@ -207,13 +207,13 @@ fn facts_are_kept_and_aovs_are_drawn_only_if_needed() {
     assert_eq!(golden.provenance.facts, facts);
 }
 
-/// Karat reports unusable facts as an error, and doesn't compare without facts.
+/// If a golden's facts can't be used, Karat reports an error instead of comparing the frame without the facts.
 #[test]
 fn facts_that_cannot_be_used_are_errors() {
     let project = Project::with_golden();
     let file = project.folder.path().join("room/ramp.exr");
     for (facts, expected) in [
-        (r#"{"schema": 7}"#, "a newer Karat wrote it (facts of version 7"),
+        (r#"{"schema": 7}"#, "a newer Karat wrote its metadata (in version 7 of the format"),
         ("{}", "its metadata can't be read (missing field `schema`"),
     ] {
         ramp().write_exr(&file, Precision::Half, Some(facts)).expect("written");

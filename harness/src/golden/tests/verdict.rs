@@ -159,7 +159,8 @@ fn frame_tolerances_can_be_nested() {
     assert_eq!(error, "frame `room/ramp` can't be compared: the mask excludes all pixels");
 }
 
-/// Only the profile itself uses its own golden. Karat accepts such a golden only if the profile needs it.
+/// No other profile uses the golden of a profile. Karat accepts such a golden only if the profile fails with the golden
+/// for all profiles.
 #[test]
 fn profiles_have_goldens_of_their_own() {
     let project = Project::with_golden();
@@ -193,7 +194,7 @@ fn profiles_have_goldens_of_their_own() {
     insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: there is no golden for all profiles yet; accept that golden first");
 }
 
-/// The FLIP bounds are wider if another profile made the golden.
+/// The FLIP bound of tiles is wider if another profile made the golden.
 #[test]
 fn another_profile_has_the_wider_bound() {
     let project = Project::with_golden();
@@ -258,7 +259,7 @@ fn a_frame_with_nan_and_no_golden_says_so() {
     assert!(matches!(failed, GoldenError::Unacceptable { .. }));
 }
 
-/// A known issue only covers values that differ from the golden. Any other error still fails.
+/// A known issue only covers values that differ from the golden. A test with any other error still fails.
 #[test]
 fn a_known_issue_hides_no_other() {
     let project = Project::with_golden();

@@ -25,8 +25,9 @@ pub(in crate::package) fn path(text: &str) -> Option<String> {
     Some(path.trim_end_matches(';').trim_end().to_owned())
 }
 
-/// The names that a text defines anywhere. `naga_oil` reads these definitions first, and only in the linked module. An
-/// unreadable value becomes an error later, when Karat reads the module. The result doesn't contain [guards](guards).
+/// The names that a text defines anywhere. `naga_oil` reads these definitions first, and only in the linked module.
+/// Definitions in [guards](guards) aren't included, nor are definitions with an unreadable value. Karat reports such
+/// a value later, when Karat reads the module.
 pub(in crate::package) fn defined(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| !is_guard).filter_map(valued).collect()
 }
@@ -70,7 +71,7 @@ pub(super) fn is_named(word: &str) -> bool {
     word.len() > 1 && word.chars().all(is_capital)
 }
 
-/// The value of a directive. A feature without a value is on.
+/// The value in a `#define` or `#if`. A feature without a value is on.
 pub(super) fn value_of(value: &str) -> Option<Feature> {
     match value {
         "" | "true" => Some(Feature::Flag(true)),
@@ -79,9 +80,9 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
     }
 }
 
-/// For each feature, the values with which the text compares the feature. A number has its two neighbours beside it,
-/// because they may select other branches. If the text only uses the feature as a number, the values are common
-/// numbers.
+/// For each feature, the values with which the text compares the feature. For `A >= 3`, these are 3 and its
+/// neighbours 4 and 2, because neighbours may select other branches. If the text uses the feature as a number in
+/// code, such as `#{A}`, the values are 4 and 3.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     // Three isn't a power of two, so shifting by 3 and dividing by 3 give different results.
     const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];

@@ -8,7 +8,7 @@ pub(in crate::package) enum Include {
     File(String),
     /// A name: `bbox`.
     Name(String),
-    /// The path of a module that `[join]` of `karat.toml` names. The host concatenates the texts of the two modules.
+    /// The path of a module whose text the author's program concatenates (`[join]` in `karat.toml`).
     Joined(String),
 }
 

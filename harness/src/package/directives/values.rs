@@ -103,7 +103,7 @@ impl Reader<'_> {
         Ok(holds(order))
     }
 
-    /// The value of a directive. A feature without a value is on.
+    /// The value in a `#define` or `#if`. A feature without a value is on.
     pub(super) fn parsed(
         &self,
         value: &str,

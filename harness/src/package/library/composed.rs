@@ -15,9 +15,10 @@ use crate::package::{Origin, Package, PackageError, directives};
 type Composed = Vec<(String, Vec<String>)>;
 
 impl Library {
-    /// Finds the module that declares the longest path with which `words` begins. Returns the module, and the number of
-    /// components of its path. If a package has several such modules, the function chooses the one in the nearest
-    /// folder. Among several modules in that folder, it chooses the one that declares the next word.
+    /// Finds the module whose declared path is the longest beginning of `words`. Returns the module, and the number
+    /// of words in this path. If a package has several modules with this path, the function chooses the module in
+    /// the nearest folder. Among several modules in that folder, the function chooses the module that has a
+    /// declaration with the name of the next word.
     pub(in crate::package) fn composed(
         &self,
         from: &ModulePath,

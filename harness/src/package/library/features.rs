@@ -10,8 +10,8 @@ use crate::package::values::{self, Values};
 use crate::package::workspace::{self, Kind};
 use crate::package::{PackageError, directives};
 
-/// The cache of the features that conditions of a package use. Karat doesn't search again for a feature that it has
-/// found.
+/// The cache of the features that a package's conditions use. Karat searches a package's conditions only for
+/// features that aren't in this cache.
 struct Asked;
 
 impl Kind for Asked {
@@ -21,11 +21,11 @@ impl Kind for Asked {
     const MOST: usize = 10_000;
 }
 
-/// Finds an attribute that has one of the features in its brackets, and that differs from `@if` or another condition by
-/// one letter.
+/// Finds an attribute that is probably a misspelt `@if` or `@elif` with one of the features in its brackets:
+/// `@iff(fast)`.
 fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
     const CONDITIONS: [&str; 2] = ["if", "elif"];
-    /// Attributes that differ from a condition by one letter (WGSL, 12; WESL).
+    /// Correct attributes with a name similar to `if` or `elif` (WGSL, 12; WESL).
     const OTHERS: [&str; 2] = ["id", "else"];
     let tokens = lex(text);
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);

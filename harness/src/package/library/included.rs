@@ -1,4 +1,4 @@
-//! Finds files that share a name space.
+//! Finds files that share a namespace.
 
 use std::sync::Arc;
 
@@ -9,8 +9,7 @@ use crate::package::directives::{self, Include};
 use crate::package::feature::Feature;
 
 impl Library {
-    /// The modules that share a name space with this module: the modules that it includes, and the modules that
-    /// they include.
+    /// The modules that share a namespace with `root`: the modules that `root` includes, directly or through others.
     pub(in crate::package) fn included(
         &self,
         root: &ModulePath,

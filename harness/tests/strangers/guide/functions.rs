@@ -1,4 +1,4 @@
-//! Samples of the chapters on functions. They test the shaders that the guide shows.
+//! The samples of the guide's chapters on functions: tests of the shaders in the guide.
 
 use std::f64::consts::PI;
 
@@ -16,8 +16,8 @@ fn lambert() {
         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / PI * n_dot_l, Ulp(4.0));
 }
 
-/// `d` is a difference of numbers near 1, so its relative error is 6e-8 / alpha^2: at most 2.4e-5 for the narrowest
-/// lobe.
+/// At the peak of the lobe, `d` is the small difference of two numbers near 1. So its relative error grows to 6e-8 /
+/// alpha^2, which is 2.4e-5 for the narrowest lobe (alpha = 0.05).
 #[test]
 fn ggx() {
     let reference = |n_dot_h: f64, alpha: f64| {
@@ -134,7 +134,8 @@ fn all_modules_are_valid() {
     SHADERS.is_valid();
 }
 
-/// This test passes only with an OpenGL driver that has the fault, so it is compiled, and not run.
+/// This test passes only with an OpenGL driver that has the fault, so the compiler checks the test, and nothing runs
+/// it.
 #[expect(dead_code, reason = "it would have to fail on GL")]
 fn a_known_issue() {
     let mix = SHADERS.function("layering::masked").over((0.0..=1.0, 0.0..=1.0));

@@ -56,7 +56,7 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
     })
 }
 
-/// The only entry point of the output.
+/// The entry point that becomes `main` in GLSL: the requested entry point, or the shader's only entry point.
 fn one<'j>(job: &Job<'j>) -> Result<&'j EntryPoint, String> {
     match (job.entry_point, &*job.module.entry_points) {
         (Some(entry_point), _) | (None, [entry_point]) => Ok(entry_point),

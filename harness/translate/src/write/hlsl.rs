@@ -9,13 +9,14 @@ use naga::{Binding, BuiltIn, Function, Module, ResourceBinding, TypeInner};
 use super::{Job, Written};
 use crate::{Bindings, Code};
 
-/// The register space of naga's additions. The shader's own resources are in space 0.
+/// The register space of naga's sampler heap. The next constants are the spaces of naga's other additional resources.
+/// The shader's own resources are in space 0.
 const SAMPLERS: u8 = 1;
 const SAMPLER_INDICES: u8 = 2;
 const CONSTANTS: u8 = 3;
 const IMMEDIATES: u8 = 4;
 
-/// The number of samplers in naga's sampler heap.
+/// The number of ordinary samplers in naga's sampler heap. Comparison samplers follow.
 const HEAP: u32 = 2048;
 
 pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written, String> {
@@ -70,8 +71,8 @@ pub(crate) fn takes_constants(module: &Module, entry_point: &str) -> bool {
     all.find(|one| one.name == entry_point).is_some_and(|one| asks_constants(module, &one.function))
 }
 
-/// Checks if an entry point uses a value that differs between Direct3D and Vulkan. naga then expects the value from the
-/// host.
+/// Checks if an entry point of the module uses a builtin value that differs between Direct3D and Vulkan, such as
+/// `vertex_index`. Then naga's HLSL reads this value from a buffer that the host fills.
 fn needs_constants(module: &Module) -> bool {
     module.entry_points.iter().any(|one| asks_constants(module, &one.function))
 }

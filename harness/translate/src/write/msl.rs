@@ -5,7 +5,7 @@ use naga::back::msl::{Options, PipelineOptions, write_string};
 use super::{Job, RESTRICT, RESTRICTED, Written};
 use crate::{Bindings, Code};
 
-/// macOS 12 and iOS 15 support this version. Each macOS that wgpu supports has this version or a later one.
+/// The version of the Metal Shading Language. macOS 12, iOS 15 and all later systems support this version.
 const VERSION: (u8, u8) = (2, 4);
 
 pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {

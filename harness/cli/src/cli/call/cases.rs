@@ -358,7 +358,7 @@ fn read(
         }
         ensure!(
             headed || expect.is_none(),
-            "the table `{shown}` has no header, so --expect finds no column `{}`",
+            "the table `{shown}` has no header, so --expect finds no column `{}`: write the columns' names in the first line",
             expect.unwrap_or_default()
         );
         ensure!(

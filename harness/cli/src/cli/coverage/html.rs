@@ -61,7 +61,7 @@ fn summary(union: &Union) -> Markup {
     };
     html! {
         table {
-            tr { th { "file" } th { "lines" } th { "ways" } th { "functions" } th { "not checked" } th { "not measured" } }
+            tr { th { "file" } th { "lines" } th { "outcomes" } th { "functions" } th { "not checked" } th { "not measured" } }
             @for (number, (file, own)) in union.files().enumerate() { (row(number, file, own.sum())) }
         }
     }

@@ -351,7 +351,7 @@ impl fmt::Display for Sum {
         let of = |some: usize, all: usize| format!("{} ({some} of {all})", Self::share(some, all));
         write!(
             f,
-            "lines {}, ways {}, functions {}",
+            "lines {}, outcomes of branches {}, functions {}",
             of(self.ran, measured),
             of(self.taken, self.ways),
             of(self.called, self.functions)

@@ -354,21 +354,21 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     let refused =
         refused.as_ref().map_or_else(String::new, |why| format!("\n{BAD}but{BAD:#} {why}"));
     if whole == modules {
-        return writeln!(out, "{GOOD}{package}: {all}, all complete{GOOD:#}{refused}");
+        return writeln!(out, "{GOOD}{package}: {all}, all valid{GOOD:#}{refused}");
     }
-    writeln!(out, "{HEAD}{package}{HEAD:#}: {whole} of {all} complete")?;
+    writeln!(out, "{HEAD}{package}{HEAD:#}: {whole} of {all} valid")?;
     if !lines.is_empty() {
         match written {
             true => writeln!(out, "\nKarat wrote these lines into {file}:\n")?,
             false => writeln!(out, "\nwrite these lines into {file}, or add --write:\n")?,
         }
         write_lines(lines, out)?;
-        writeln!(out, "\nwith these lines, {then_whole} of {all} are complete{refused}")?;
+        writeln!(out, "\nwith these lines, {then_whole} of {all} are valid{refused}")?;
     }
     if !not_enough.is_empty() {
         writeln!(
             out,
-            "\nwith these lines no module becomes complete, or you must choose where to write the lines in {file}:\n"
+            "\n{file} may also need these lines. Karat didn't add these lines, because no module becomes valid with them, or because you must choose their place:\n"
         )?;
         write_lines(not_enough, out)?;
         writeln!(out)?;
@@ -390,7 +390,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     };
     let with = if lines.is_empty() { "" } else { " with these lines" };
     let first = "; Karat shows only the first error of each module";
-    writeln!(out, "\n{} not complete{with}{rest}{first}", counted(left.len(), "module"))
+    writeln!(out, "\n{} not valid{with}{rest}{first}", counted(left.len(), "module"))
 }
 
 /// Prints lines under the headers of their sections.

@@ -181,10 +181,12 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
             let place = first.location.as_ref().map_or_else(String::new, |at| format!(" at {at}"));
             writeln!(
                 text,
-                "\nThe first value that differs is `{}`{place}: {} in this column of the matrix, {} in the column with which Karat compares it.{}",
+                "\nThe first value that differs is `{}`{place}: {} in the column `{}`, {} in the column `{}`.{}",
                 first.name,
                 first.here,
+                head.name,
                 first.there,
+                found.baseline,
                 if first.in_loop {
                     " These values are from the loop's last iteration."
                 } else {

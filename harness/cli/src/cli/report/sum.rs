@@ -48,10 +48,9 @@ fn unwatched(records: &[Record]) -> Option<String> {
         0 => String::new(),
         others => format!(", and {}", counted(others, "other reason")),
     };
-    let were = if count == 1 { "wasn't" } else { "weren't" };
     let checks = counted(count, "check");
     Some(format!(
-        "{checks} of passes or draws {were} completely covered by the sanitizer: {first}{others}"
+        "the sanitizer didn't check everything in {checks} of passes or draws: {first}{others}"
     ))
 }
 
@@ -64,7 +63,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     let least = orders.iter().min()?;
     let checks = counted(orders.len(), "check");
     Some(format!(
-        "{checks} of passes passed in {} of invocations; Karat didn't try all orders",
+        "in {checks} of passes, Karat tried only {} of invocations",
         counted(*least as usize, "order")
     ))
 }
@@ -249,7 +248,7 @@ mod tests {
         assert_eq!(remarks(&[with(""), record(Verdict::Pass, 0, None)]), "");
         let told = remarks(&[with("too large"), with(""), with("no engine")]);
         let expected =
-            "; 2 checks of passes or draws weren't completely covered by the sanitizer: too large";
+            "; the sanitizer didn't check everything in 2 checks of passes or draws: too large";
         assert_eq!(told, format!("{expected}, and 1 other reason"));
         assert_eq!(remarks(&[with("too large"), with("too large")]), expected);
         let in_orders = |orders, all_orders| {
@@ -260,10 +259,7 @@ mod tests {
         };
         assert_eq!(remarks(&[in_orders(12, true), in_orders(0, true)]), "");
         let some = remarks(&[in_orders(16, false), in_orders(12, true), in_orders(20, false)]);
-        assert_eq!(
-            some,
-            "; 2 checks of passes passed in 16 orders of invocations; Karat didn't try all orders"
-        );
+        assert_eq!(some, "; in 2 checks of passes, Karat tried only 16 orders of invocations");
         let mut reading = with("");
         let watched = reading.watched.as_mut().expect("it has passes");
         watched.unwritten.push("`partials[3]` at mean.wgsl:17:57".to_owned());

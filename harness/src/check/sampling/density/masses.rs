@@ -10,14 +10,15 @@ use crate::stats::{CellIntegral, Cells, CubatureError, NoVerdict, Place, integra
 /// samples.
 const PILOT: usize = 16_384;
 
-/// The seed for the pilot samples. With this seed, the pilot samples have other random numbers than the judged
-/// samples.
+/// A part of the seed for the pilot samples. Karat combines this number with the configuration's seed, so the pilot
+/// samples use other random numbers than the judged samples.
 const PILOT_SEED: u64 = 0x5bf0_3635_dcf8_e1a7;
 
-/// The smallest average number of samples per cell. There are at most 512 cells.
+/// The smallest average number of samples per cell. If 512 cells would get fewer samples, Karat uses fewer cells.
 const PER_CELL: u64 = 64;
 
-/// The smallest number of samples. With fewer samples, there are too few cells to distinguish densities.
+/// The smallest number of samples per configuration that a check accepts. With fewer samples, there are too few cells
+/// to distinguish densities.
 const FEWEST: u64 = 1024;
 
 /// The largest allowed error of a cell's integral, divided by the standard deviation of the cell's count. With
@@ -31,7 +32,7 @@ const ESTIMATE: f64 = 1e-6;
 const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
 
 impl Run<'_> {
-    /// Determines the cells from pilot samples. The check doesn't judge these samples.
+    /// Determines the cells from pilot samples, which the check doesn't judge.
     pub(super) fn cells(&self) -> Result<Cells, Stop> {
         let settings = self.settings();
         if settings.samples < FEWEST {
@@ -143,8 +144,8 @@ impl Run<'_> {
 }
 
 impl Settings {
-    /// The number of statistical tests per configuration: one for the histogram, and one for the samples
-    /// outside of the support.
+    /// The number of statistical tests per configuration: one for the histogram, and if samples may leave the support,
+    /// one for the number of samples outside.
     pub(super) fn tests(&self) -> u64 {
         if self.may_leave_support { 2 } else { 1 }
     }

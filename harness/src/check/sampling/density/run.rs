@@ -1,4 +1,5 @@
-//! Judges one configuration on one path: computes its cells and their integrals, and counts its samples.
+//! Judges one configuration on one path: computes the cells, integrates the density over each cell, and counts the
+//! samples in each cell.
 
 use super::parts::{Masses, ROUNDING, Stop, point};
 use crate::check::Failure;
@@ -15,8 +16,8 @@ use crate::stats::{
 /// The relative rounding error of a texel in half-float format, which has eleven significant bits.
 const HALF: f64 = 1.0 / 2048.0;
 
-/// The largest difference between two weights that Karat treats as equal. At the end of a lobe, drivers may
-/// flush eval and pdf to 0.
+/// The absolute error that Karat allows for a weight, in addition to the relative error. Far from the peak of a lobe,
+/// eval and pdf are tiny, and drivers may flush them to 0.
 const VANISHED: f64 = 1e-6;
 
 pub(super) struct Run<'r> {
@@ -61,7 +62,7 @@ impl Run<'_> {
         self.other(which).at(points, width, &|points, lanes| made(value, points, lanes))
     }
 
-    /// Makes the sampler's arguments for some samples of a stream of random numbers.
+    /// Makes the sampler's arguments for `count` samples, beginning at the sample with index `first`.
     pub(super) fn draw(&self, seed: u64, first: usize, count: usize) -> Vec<u32> {
         let Sampled { random, arguments, .. } = self.sampler;
         let value = self.configuration.value;
@@ -69,8 +70,8 @@ impl Run<'_> {
         draw(seed, first, count, &random.lanes(), &given)
     }
 
-    /// The relative error of a function's values if the function reads textures that the path stores as half
-    /// floats. Otherwise 0. A single texel may determine the peak of a lobe, so the error of one texel counts.
+    /// The relative error of a function's values if the function reads textures that the path stores as half floats.
+    /// Otherwise 0. A single texel may determine the peak of a lobe, so Karat allows the whole error of one texel.
     fn half_rounding(&self, which: usize) -> f64 {
         if self.other(which).called.reads_half_floats() { HALF } else { 0.0 }
     }
@@ -168,8 +169,8 @@ impl Run<'_> {
         Ok(judgement)
     }
 
-    /// The power of the test of the histogram, or of the test of the density's integral, against the second
-    /// density.
+    /// Returns the probability that the check rejects samples of the second density, by the histogram or by the number
+    /// of samples outside of the support.
     pub(super) fn power(&self) -> Result<f64, Stop> {
         let claimed = self.masses(self.cells()?, 0)?;
         let actual = self.masses(claimed.cells.clone(), 1)?;
@@ -261,7 +262,7 @@ impl Run<'_> {
         Ok(counts)
     }
 
-    /// Adds eval cos / pdf of the samples on the support to the moments.
+    /// Computes the weight eval cos / pdf of each sample on the support, and adds the weight to `counts.weights`.
     fn weigh(
         &self,
         counts: &mut Counts,
