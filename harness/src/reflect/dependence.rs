@@ -22,8 +22,8 @@ const ENDING: &str = "programs";
 /// A program that a test linked. The test depends on this program.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Dependence {
-    /// The name of the thread that linked the program. This is the test's name, unless the test linked the program in a
-    /// thread of its own.
+    /// The name of the thread that linked the program. A test runs in a thread with the test's name, but a thread that
+    /// the test starts has another name.
     pub test: String,
     /// The package, in a form with which another process can open it; `None` if only the test's own process can open
     /// the package.

@@ -19,7 +19,7 @@ pub use watched::Watched;
 use super::Program;
 use crate::diagnostic::Span;
 
-/// The prefix of the counters in the copy of a kernel. A counter is a private variable with a number.
+/// The prefix of the counters in the copy of a kernel. Each counter is a private variable, such as `karat_rounds0`.
 pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
@@ -42,7 +42,7 @@ impl Program {
         count
     }
 
-    /// The functions that a function or an entry point calls, by the author's paths.
+    /// The functions that a function or an entry point calls directly, by the functions' paths in the author's code.
     pub fn calls(&self, path: &str) -> BTreeSet<String> {
         let (name, functions) = (self.name_of(path), &self.checked.module.functions);
         let found =
@@ -85,17 +85,18 @@ enum Around {
     Loop(usize),
 }
 
-/// The loops around each loop, also through calls of functions. Numbers identify the loops.
+/// The nesting of loops, also through calls of functions. The indices of the lists are the numbers of loops and
+/// functions.
 ///
 /// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. The driver also
 /// runs at least one iteration of each loop in a branch, even if no case takes the branch. So whenever the code around
 /// a loop runs, the driver counts an iteration of the loop, even if no case enters the loop.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
-    /// The loop, function or entry point around each loop.
+    /// For each loop, the innermost loop, function or entry point around it.
     loops: Vec<Around>,
     owners: Vec<usize>,
-    /// The loops, functions and entry points that call each function.
+    /// For each function, the loops, functions and entry points that contain calls of the function.
     calls: Vec<Vec<Around>>,
 }
 
@@ -251,7 +252,7 @@ fn called_in_loops(module: &Module) -> Vec<Handle<Function>> {
     found
 }
 
-/// The spans of a body's loops, outer loops first. The flag is true if the loop is inside another loop.
+/// The spans of a body's loops, outer loops first, each with a flag: `true` if the loop is inside another loop.
 fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     let mut found = Vec::new();
     walk(body, false, &mut |statement, span, in_loop| {
@@ -262,7 +263,8 @@ fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     found
 }
 
-/// Visits all statements of a block in order, with their spans. The flag is true if a statement is in a loop.
+/// Visits all statements of a block in order, with their spans. `visit` also gets a flag: `true` if the statement is in
+/// a loop.
 pub(super) fn walk(
     block: &Block,
     in_loop: bool,
@@ -276,7 +278,7 @@ pub(super) fn walk(
     }
 }
 
-/// The blocks of a statement. The flag is `true` if the statement is a loop, which repeats the block.
+/// The blocks in a statement, each with a flag: `true` if the statement is a loop, which repeats the block.
 fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     match statement {
         Statement::Block(block) => vec![(block, false)],

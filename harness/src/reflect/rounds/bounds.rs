@@ -1,4 +1,4 @@
-//! Finds the largest numbers of iterations of loops in naga's IR.
+//! Finds upper bounds for the numbers of iterations of loops, from naga's IR.
 
 use std::ops::Range;
 
@@ -79,8 +79,8 @@ impl Rounds<'_> {
         Some(sum)
     }
 
-    /// The iterations of the loop at `index` of `block`. `None` unless the loop counts one variable between two
-    /// constants in constant steps.
+    /// The number of iterations of the loop at `index` of `block`. Karat finds this number if the loop's variable runs
+    /// from one constant to another in constant steps. For other loops, returns `None`.
     fn rounds(&self, block: &Block, index: usize, in_loop: bool) -> Option<u64> {
         let Statement::Loop { body, continuing, .. } = &block[index] else { return None };
         let condition = body.iter().find_map(|statement| match statement {
@@ -180,8 +180,8 @@ impl Rounds<'_> {
         }
     }
 
-    /// The step by which a `continuing` block changes a variable. `None` if the block changes the variable in
-    /// another way.
+    /// The constant that a `continuing` block adds to a variable. `None` if the block changes the variable in another
+    /// way.
     fn step(&self, continuing: &Block, variable: Handle<LocalVariable>) -> Option<i128> {
         let mut stores = continuing.iter().filter_map(|statement| match statement {
             Statement::Store { pointer, value } if self.variable(*pointer) == Some(variable) => {
@@ -218,8 +218,8 @@ impl Rounds<'_> {
         }
     }
 
-    /// The value of a variable at the beginning of a loop: the last value that the same block stores, or the
-    /// variable's initial value if no other statement writes the variable.
+    /// The value of a variable at the beginning of a loop: the last constant that `block` stores before the loop, or
+    /// the variable's initial value if only the loop's step writes the variable.
     fn start(
         &self,
         block: &Block,
@@ -276,7 +276,7 @@ fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
         _ => return None,
     })
 }
-/// The number of exits from a loop with this body. An exit from an inner loop counts, too.
+/// The number of `break` and `return` statements in a loop's body, including the statements in inner loops.
 fn exits(body: &Block) -> usize {
     let mut count = 0;
     walk(body, true, &mut |statement, _, _| {

@@ -1,4 +1,5 @@
-//! Counts the iterations of loops in frames. A pixel has no counters that Karat could read.
+//! Counts the iterations of loops in frames. An invocation that draws can't return its counters, so it reports a loop
+//! that takes too many iterations in a buffer.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
@@ -20,7 +21,8 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// The name of the buffer in which invocations store their iterations. The buffer has one element for each loop.
+    /// The name of the buffer in which invocations store their numbers of iterations. The buffer has one element for
+    /// each loop.
     pub(crate) const VARIABLE: &str = "karat_most";
 }
 
