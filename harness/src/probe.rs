@@ -1,9 +1,9 @@
 //! Calls one WGSL function with many cases.
 //!
-//! The kernel is ordinary WGSL, which `karat show` prints. Before a dispatch, Karat fills all results with poison. Each
-//! invocation writes a canary that only this dispatch uses. So if a kernel doesn't run, or if the results come from
-//! another dispatch, Karat reports an error instead of a verdict. An [`Executor`](crate::executor::Executor) runs the
-//! kernel.
+//! Karat generates a kernel that calls the function. The kernel is ordinary WGSL, which `karat show` prints. Before a
+//! dispatch, Karat fills all results with poison. Each invocation writes a canary that only this dispatch uses. So if a
+//! kernel doesn't run, or if the results come from another dispatch, Karat reports an error instead of a verdict. An
+//! [`Executor`](crate::executor::Executor) runs the kernel.
 
 mod borders;
 mod bound;
@@ -100,7 +100,7 @@ impl Probed {
     }
 
     /// Prepares a function like [`with_overrides`](Self::with_overrides), for a test. The function's whole module must
-    /// be valid, because an engine compiles the whole module. Modules of crates may be invalid, because many need
+    /// be valid, because an application compiles the whole module. Modules of crates may be invalid, because many need
     /// features that the test didn't set.
     ///
     /// # Errors
@@ -140,7 +140,7 @@ impl Probed {
         Ok(Self { kernel, ..self })
     }
 
-    /// Sets the lengths of the resources that the function writes to the lengths of their fixtures.
+    /// Takes the length of each resource that the function writes from the resource's fixture.
     ///
     /// # Errors
     /// Returns an error if the fixtures don't match the variables.
@@ -160,8 +160,8 @@ impl Probed {
         Ok(())
     }
 
-    /// Adds the derivatives of some parameters as inputs. These inputs have an effect only if the function takes
-    /// derivatives.
+    /// Adds inputs to the kernel: the derivatives of the parameters for which `varying` is `true`. These inputs have an
+    /// effect only if the function takes derivatives.
     #[must_use]
     pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {
@@ -175,8 +175,8 @@ impl Probed {
         self
     }
 
-    /// Prepares the kernel for arguments of these types. If the function takes derivatives, the kernel takes the
-    /// derivatives of arguments that are quads as inputs.
+    /// Prepares the kernel for arguments of these types. If an argument is a quad and the function takes derivatives,
+    /// the kernel also gets the argument's derivatives as inputs.
     pub(crate) fn with_quads_of(self, arguments: &[Shape]) -> Self {
         if !self.takes_derivatives() {
             return self;
@@ -185,14 +185,15 @@ impl Probed {
         self.with_quads(&varying)
     }
 
-    /// If the function takes derivatives, adds the derivatives of each parameter that contains a float. With constant
-    /// arguments, each derivative would be 0, so the test would check nothing.
+    /// If the function takes derivatives, adds the derivatives of each parameter that contains a float to the kernel's
+    /// inputs. Without these inputs, each derivative would be 0, so the test would check nothing.
     #[must_use]
     pub fn with_varying(self) -> Self {
         if self.takes_derivatives() { self.varying() } else { self }
     }
 
-    /// Adds the derivatives of each parameter that contains a float, even if the function takes no derivatives.
+    /// Adds the derivatives of each parameter that contains a float to the kernel's inputs, even if the function takes
+    /// no derivatives.
     pub fn varying(self) -> Self {
         let parameters = self.function.parameters.iter();
         let floats = |shape: &Shape| shape.lanes().iter().any(|scalar| scalar.is_float());
@@ -229,7 +230,8 @@ impl Probed {
 }
 
 impl ProbeError {
-    /// Checks if the path lacks an ability that the function needs. Other paths may have the ability.
+    /// Checks if another path may run the function: this path lacks an ability, or its driver doesn't compile the
+    /// kernel.
     #[must_use]
     pub fn is_of_path(&self) -> bool {
         match self {
@@ -282,7 +284,7 @@ pub enum ProbeError {
         /// The missing ability.
         ability: Ability,
     },
-    /// The arguments can't come from this source.
+    /// Karat can't pass the arguments in this way, for example in a uniform buffer.
     #[error("Karat can't pass the arguments of `{function}` as {inputs} inputs: {reason}")]
     Inputs {
         /// The function.
@@ -302,7 +304,7 @@ pub enum ProbeError {
         function: String,
         /// The path.
         path: Path,
-        /// The first case without a result.
+        /// The index of the first case without a result.
         first: u32,
         /// The number of cases without a result.
         count: usize,
@@ -333,7 +335,7 @@ pub enum ProbeError {
         path: Path,
         /// The first unwritten component of the result: `""` for a scalar, `.x` for a vector.
         component: String,
-        /// The index of the case with that component.
+        /// The index of the first case with an unwritten component.
         first: u32,
         /// The number of unwritten words.
         count: usize,
@@ -364,13 +366,13 @@ pub enum ProbeError {
     },
 }
 
-/// Results with unwritten words. An unwritten word still has the poison, which is a NaN.
+/// Results with unwritten words. An unwritten word still contains the poison, which is a NaN.
 #[derive(Debug)]
 pub struct Partial {
-    /// The words of each case, and the case's canary.
+    /// The words of all cases: for each case, the words of its result and then its canary.
     pub(crate) words: Vec<u32>,
     pub(crate) stride: usize,
-    /// The indices of the unwritten words.
+    /// The indices of the unwritten words in `words`.
     pub(crate) unwritten: Vec<usize>,
 }
 

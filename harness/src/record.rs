@@ -69,7 +69,7 @@ pub struct Record {
     /// The failure or error as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub details: Option<Details>,
-    /// Says how much of the compute passes the sanitizer examined; `None` if the check has no passes.
+    /// How much of the compute passes the sanitizer examined; `None` if the check has no passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watched: Option<Watched>,
     /// The folder in which files replaced modules (`KARAT_OVERLAY`). The verdict is then about the shaders with these
@@ -147,7 +147,7 @@ pub enum Subject {
         /// The folder of goldens; empty if the test compared the frame with a number instead of a golden.
         #[serde(default)]
         folder: String,
-        /// `file:line:column` of the call in the test, with the file's path as the compiler got it.
+        /// `file:line:column` of the check in the test. The file's path is the path that rustc got.
         #[serde(default)]
         location: String,
     },
@@ -170,8 +170,8 @@ pub struct PathRecord {
     pub asserted: String,
     /// The declared reason why this path fails; `None` without a declaration.
     pub known_issue: Option<String>,
-    /// Compares the errors that WGSL allows with the tolerance. `None` if the test declares no tolerance, or if Karat's
-    /// engine can't run the function.
+    /// A comparison of the tolerance with the errors that WGSL allows. `None` if the test declares no tolerance, or if
+    /// Karat's engine can't run the function.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allowed: Option<Allowance>,
     /// The distribution of the errors in a sample of cases. `None` if the check doesn't judge single cases, or if
@@ -230,15 +230,15 @@ pub struct Allowance {
 }
 
 /// The selection and the result of a run: `run.json`, beside the run's records. If the file is missing, the run didn't
-/// end. Then some records may be missing, even if their tests ran.
+/// end, so the records of some tests may be missing, too.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// Version of the format, [`SCHEMA`].
     pub schema: u32,
     /// The selection of tests: a filter, packages, targets. If the list is empty, every test ran.
     pub selected: Vec<String>,
-    /// `true` if every test passed and every module is valid. A test ends at its first failing check, so there are no
-    /// records of the test's later checks.
+    /// `true` if every test passed and every module is valid. If this is `false`, some records may be missing: a test
+    /// ends at its first failing check, so Karat doesn't record the test's later checks.
     pub passed: bool,
     /// Names of tests that failed, as the test runner printed the names. A test may also fail without a failing check,
     /// for example by a panic.
@@ -261,7 +261,7 @@ pub struct Run {
     /// runner's output.
     #[serde(default, skip_serializing_if = "is_none")]
     pub not_run: u64,
-    /// `true` if the runner stopped at a failure, and didn't print how many tests it didn't run.
+    /// `true` if the runner stopped at a failing test without printing the number of tests that it skipped.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub stopped: bool,
 }
@@ -381,8 +381,8 @@ thread_local! {
     static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
 }
 
-/// Prints the lines that shaders print, below the test's name. Each path gives the same lines, so this function doesn't
-/// print a text twice in succession.
+/// Prints the name of the running test, and then `text`, which has the lines that a shader printed. A shader prints the
+/// same lines on each path, so this function ignores a text that it has just printed.
 pub(crate) fn tell_prints(text: &str) {
     thread_local! {
         static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
@@ -407,7 +407,7 @@ pub(crate) fn is_unrecorded() -> bool {
 }
 
 /// Within [`unrecorded`], adds the values that a check judged to the hash in [`Seen`], and stores `ratio` if it is the
-/// largest so far. Each row has the `u32` words of one result.
+/// largest so far. Each item of `rows` has the `u32` words of one result.
 pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     SEEN.with_borrow_mut(|seen| {
         if let Some(seen) = seen {
@@ -426,8 +426,8 @@ pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     });
 }
 
-/// Runs tests whose verdicts aren't about the package itself, such as the tests of a mutant. Karat doesn't store
-/// their verdicts and failing inputs. Also returns a summary of the values that their checks saw.
+/// Runs tests whose verdicts aren't about the package itself, such as the tests of a mutant. Karat doesn't store their
+/// verdicts and failing inputs. Also returns a summary of the values that the tests' checks judged.
 pub fn unrecorded<R>(run: impl FnOnce() -> R) -> (R, Seen) {
     struct Before(bool);
     impl Drop for Before {
@@ -474,10 +474,10 @@ pub(crate) fn write(record: &Record) {
     }
 }
 
-/// The file extension of a list of tests with frames that Karat didn't draw.
+/// The extension of files that list tests whose frames Karat didn't draw.
 const LEFT_OUT: &str = "left-out";
 
-/// Records that a test has a frame that isn't drawn, if the run is recorded.
+/// If the run is recorded, writes the test's name into a list of tests whose frames Karat didn't draw.
 ///
 /// # Panics
 /// If Karat can't write the file, as for [`write`].
@@ -633,8 +633,8 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 }
 
 impl Record {
-    /// Replaces the characters in the record's names that some report formats can't represent. Such characters may
-    /// occur, because another program or machine may have written the record.
+    /// Replaces characters that some report formats can't represent, in the record's names. Karat never writes such
+    /// characters, but another program may have written the record.
     fn named(mut self) -> Self {
         let mut names = vec![&mut self.test, &mut self.cargo_package];
         match &mut self.subject {

@@ -1,4 +1,4 @@
-//! Reads a WGSL function's parameters, result and requirements from naga's validated IR.
+//! Reads a WGSL function's parameters, result and resources from naga's validated IR.
 //!
 //! A [`Program`] holds the linked text, the IR and the source map. All code that transforms or interprets shaders
 //! starts from a [`Program`].
@@ -75,8 +75,8 @@ use crate::package::{Linked, LinkedModule, Package, PackageError, as_naga_takes}
 pub struct Program {
     linked: Linked,
     checked: Arc<Checked>,
-    /// The values of overrides, by their names in the text. The IR contains these values as the overrides' initial
-    /// values.
+    /// The values of overrides, by the overrides' names in the linked text. The IR contains these values as the
+    /// overrides' initial values.
     overrides: Overrides,
 }
 
@@ -95,8 +95,8 @@ impl Kind for Checked {
     const MOST: usize = 2048;
 }
 
-/// The reason for `expect` on a name in naga's IR: naga's WGSL front end names functions, arguments, members,
-/// variables and overrides.
+/// The text for `expect` on names in naga's IR, where names are optional. naga's WGSL front end gives a name to each
+/// function, argument, member, variable and override.
 const NAMED: &str = "WGSL names it";
 
 /// The reason why Karat can't reflect a shader or probe a function.
@@ -109,7 +109,7 @@ pub enum ReflectError {
     /// naga rejects the shader.
     #[error("{0}")]
     Invalid(Box<Diagnostic>),
-    /// `karat.toml` makes it an error that Tint rejects the shader, or that the shader exceeds a limit.
+    /// Tint rejects the shader, or the shader exceeds a limit, and `karat.toml` makes this an error.
     #[error("{0}")]
     Refused(Box<Diagnostic>),
     /// The function is valid, but a compute kernel can't call it.
@@ -149,7 +149,7 @@ impl Program {
         all.join(", ")
     }
 
-    /// The path in the author's code, such as `fresnel::schlick`, of the function with this name in the text.
+    /// The path in the author's code, such as `fresnel::schlick`, of the function with this name in the linked text.
     pub(crate) fn path_of(&self, linked: &str) -> String {
         self.linked.names.get(linked).map_or(linked, String::as_str).to_owned()
     }
@@ -185,7 +185,7 @@ impl Program {
         dependence::program(package, &Wanted::Module(module.to_owned()))
     }
 
-    /// Links and validates some declarations of one module with everything that they need.
+    /// Links and validates some declarations of one module with everything that these declarations use.
     ///
     /// # Errors
     /// If the declarations can't be linked, or the linked text isn't valid WGSL.
@@ -219,8 +219,8 @@ impl Program {
         on_deep_stack(|| Self::compiled(linked))
     }
 
-    /// Parses and validates a linked text. A process does this only once for each text, because an edit leaves most
-    /// functions unchanged.
+    /// Parses and validates a linked text. A cache keeps the result for each text. After an edit, most functions have
+    /// the same linked text as before, so Karat doesn't parse them again.
     fn compiled(linked: Linked) -> Result<Self, ReflectError> {
         let hash = blake3::hash(linked.text().as_bytes());
         if let Some(checked) = workspace::get::<Checked>(&hash) {
@@ -273,7 +273,8 @@ impl Program {
         Self::compiled(linked)
     }
 
-    /// Parses and validates the text of a kernel for this program. Returns naga's IR and the validator's facts.
+    /// Parses and validates the text of a kernel for this program. Returns naga's IR, and the facts that naga's
+    /// validator finds.
     pub(crate) fn kernel(&self, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
         let module = parsed_with(text, &self.overrides)?;
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
@@ -287,7 +288,7 @@ impl Program {
         self.linked.text()
     }
 
-    /// Values of overrides, by their names in the text.
+    /// The values of overrides, by the overrides' names in the linked text.
     pub fn overrides(&self) -> &Overrides {
         &self.overrides
     }
@@ -352,7 +353,7 @@ impl Program {
         &self.checked.info
     }
 
-    /// The name in the text of the declaration with this path in the author's code.
+    /// The name in the linked text, for the declaration that has this path in the author's code.
     pub fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
         self.linked.name_of(path).unwrap_or(path)
     }
@@ -361,7 +362,7 @@ impl Program {
         &self.checked.layouter
     }
 
-    /// The name of an entry point in the text.
+    /// The name in the linked text, for the entry point with this name in the author's code.
     pub fn entry_point_name<'a>(&'a self, name: &'a str) -> &'a str {
         let is_it = |path: &str| path.rsplit("::").next() == Some(name);
         let mut names = self.linked.names.iter();
@@ -370,7 +371,7 @@ impl Program {
     }
 }
 
-/// Runs code that recurses as deeply as a shader nests. The stack suffices for the deepest shader that
+/// Runs code that recurses once for each level of nesting in a shader. The stack suffices for the deepest shader that
 /// [`Linked::too_deep`] accepts.
 pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
     /// naga's lowering takes up to about 20 KB of stack per term in builds without optimisation.
@@ -378,7 +379,8 @@ pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
     stacker::grow(STACK, work)
 }
 
-/// The text of the expression at `range`. For a call, naga stores only the range of the function's name.
+/// The text of the expression at `range`. For a call, naga stores only the range of the function's name, so this
+/// function adds the arguments.
 pub(crate) fn whole_call(text: &str, range: Range<usize>) -> Option<&str> {
     let rest = text.get(range.end..)?;
     let mut depth = 0;

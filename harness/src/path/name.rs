@@ -57,7 +57,7 @@ impl Api {
     }
 }
 
-/// A language into which a shader is translated for an API, or an arithmetic of `cpu`.
+/// The part after the `:` in a path's name: the language into which naga translates shaders, or an arithmetic of `cpu`.
 ///
 /// ```
 /// use karat::Path;
@@ -72,7 +72,7 @@ impl Api {
 pub enum Via {
     /// No translation: the WGSL of the source files.
     Direct,
-    /// WGSL that naga writes and then reads.
+    /// WGSL: naga writes the shader as WGSL, and reads this text again.
     Wgsl,
     /// SPIR-V.
     Spirv,
@@ -80,11 +80,13 @@ pub enum Via {
     Glsl,
     /// HLSL that glslang compiles.
     Hlsl,
-    /// HLSL that Microsoft's compiler compiles.
+    /// HLSL that Microsoft's compiler DXC compiles.
     HlslDxc,
-    /// An arithmetic of the path `cpu`. It rounds `a * b + c` once, as WGSL (15.7.5) allows and many GPUs do.
+    /// Another arithmetic for the path `cpu`: the engine rounds `a * b + c` once, as WGSL (15.7.5) allows and many GPUs
+    /// do.
     Fma,
-    /// An arithmetic of the path `cpu`. It treats subnormal numbers as zero, as WGSL (15.7.2) allows and many GPUs do.
+    /// Another arithmetic for the path `cpu`: the engine treats subnormal numbers as zero, as WGSL (15.7.2) allows and
+    /// many GPUs do.
     Ftz,
 }
 
@@ -106,7 +108,7 @@ impl Via {
         matches!(self, Self::Fma | Self::Ftz)
     }
 
-    /// The name after the `:` of a path.
+    /// The name after the `:` in a path's name.
     ///
     /// ```
     /// use karat::unstable::path::Via;
@@ -165,7 +167,7 @@ impl Path {
     /// WGSL in Karat's engine, on the host's processor, without a driver.
     pub const CPU: Self = Self::of(Api::Cpu);
 
-    /// The paths of wgpu's drivers. The default path is the first of these paths that opens.
+    /// One path for each graphics API of wgpu. The default path is the first of these paths that opens on this machine.
     pub const ALL: [Self; 4] = [Self::VULKAN, Self::METAL, Self::DX12, Self::GL];
 
     const fn of(api: Api) -> Self {
@@ -275,7 +277,7 @@ impl FromStr for Path {
     }
 }
 
-/// The parts of a path's name. A name with missing parts may match several paths.
+/// The API, the route and the driver in a path's name. In a selector, each of the three may be missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parts {
     pub(super) api: Option<Api>,
@@ -347,8 +349,8 @@ fn unknown_driver(name: &str, driver: &str) -> PathError {
     PathError::UnknownDriver { name, driver, nearest }
 }
 
-/// Returns the only copy of a text, which exists as long as the process. There are few paths, and `Path` must be
-/// `Copy`.
+/// Returns the process's only copy of a text, and never frees it: `Path` is `Copy`, so it can't own the name of its
+/// driver. A process uses only few such names.
 fn intern(text: &str) -> &'static str {
     static TEXTS: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut texts = TEXTS.lock().expect("no thread panics while it holds the lock");
@@ -364,7 +366,8 @@ fn intern(text: &str) -> &'static str {
 mod tests {
     use super::*;
 
-    /// The web paths have short names, because their programs are part of Karat.
+    /// `process@dawn` and `process@chromium` have short names, because Karat itself contains the programs that run
+    /// their jobs.
     #[test]
     fn dawn_and_chromium_are_short_names_of_paths() {
         for name in ["dawn", "chromium"] {

@@ -10,7 +10,7 @@ use crate::{panics, settings};
 pub(crate) enum Opened {
     Device(&'static Device),
     Process(&'static Process),
-    /// Karat's engine, which needs no driver, with the arithmetic that the path names.
+    /// Karat's engine. The path's route is the engine's arithmetic, as in `cpu:fma`.
     Cpu(Path),
 }
 
@@ -39,7 +39,8 @@ impl Opened {
     }
 }
 
-/// Opens a path, or returns the path if it is already open. Several paths may open at the same time.
+/// Opens a path. If this process has already opened the path, returns the same device or program again. Several threads
+/// may open different paths at the same time.
 pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     type Once = OnceLock<Result<Opened, PathError>>;
     static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
@@ -78,7 +79,8 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     opened.clone()
 }
 
-/// The device of a path. `None` for the path `cpu` and for programs, because they use no device of this process.
+/// The device of a path. `None` for the path `cpu` and for programs that run jobs, because this process opens no device
+/// for them.
 ///
 /// # Errors
 /// Returns an error if the path can't be opened.

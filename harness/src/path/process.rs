@@ -1,7 +1,7 @@
 //! Runs jobs in another program: a program that KARAT_EXECUTORS names, or a program that is part of Karat.
 //!
-//! The program first writes a [`Greeting`] line. Afterwards it reads one job from each line, and writes one reply line
-//! for each job. If several threads run jobs at the same time, each thread has its own process.
+//! The program first writes a [`Greeting`] line. Then Karat writes one job in each line, and the program answers each
+//! job with one line. If several threads run jobs at the same time, each thread has its own process.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -28,14 +28,14 @@ pub(crate) const JOBS: u32 = 1;
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Greeting {
-    /// The version of jobs that the program reads.
+    /// The version of the job format that the program reads.
     pub jobs: u32,
     /// The name of the WebGPU implementation: `Dawn on llvmpipe`.
     pub name: String,
-    /// The version of the implementation.
+    /// The version of the WebGPU implementation.
     #[serde(default)]
     pub driver: String,
-    /// `true` for a software implementation.
+    /// `true` if the implementation runs shaders on the CPU.
     #[serde(default)]
     pub software: bool,
     /// The program's abilities. Compute passes that use only buffers need no ability.
@@ -95,7 +95,7 @@ impl Process {
     }
 
     /// Sends a line to a process, and reads its reply. If the process doesn't reply, or if Karat can't read the reply,
-    /// Karat ends the process. The next line starts a new process.
+    /// Karat ends the process. The next call then starts a new process.
     pub(crate) fn ask<T>(
         &self,
         line: &str,

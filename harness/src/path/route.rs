@@ -1,4 +1,4 @@
-//! Translates shaders along routes that replace wgpu's own translation.
+//! Translates shaders for routes such as `vulkan:hlsl`, on which wgpu doesn't translate the shader itself.
 
 use karat_foreign::spirv_as_it_is;
 use karat_translate::{
@@ -57,7 +57,8 @@ pub(super) struct Foreign {
     layout: Vec<wgpu::BindGroupLayoutEntry>,
 }
 
-/// Checks if wgpu gets the shader that the route produces. On other routes, the driver gets the shader directly.
+/// Checks if wgpu translates the shader for the driver at the end of the route. On all other routes, Karat compiles the
+/// shader to SPIR-V, and the driver gets this SPIR-V unchanged.
 pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
@@ -87,7 +88,8 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     })))
 }
 
-/// Writes a shader with naga and reads it back, if the route has this step.
+/// On the routes `wgsl` and `spirv`, writes the shader with naga in this language, and reads the result with naga. On
+/// other routes, returns the IR unchanged.
 pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
     let target = match path.via() {
         Via::Wgsl => Target::Wgsl,
@@ -113,8 +115,8 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
 }
 
 impl Foreign {
-    /// The binding number that a resource has in group 0 of the SPIR-V, by its group and binding in WGSL. Returns
-    /// `None` if the kernel doesn't use the resource.
+    /// The binding number in group 0 of the SPIR-V, for the resource with this group and binding number in WGSL.
+    /// Returns `None` if the kernel doesn't use the resource.
     pub(super) fn place(&self, group: u32, binding: u32) -> Option<u32> {
         let used = self.bindings.iter().find(|r| r.used && r.wgsl == (group, binding));
         used.map(|resource| resource.translated.1)
@@ -143,7 +145,8 @@ impl Foreign {
     }
 }
 
-/// The layout of an entry point's resources. The resources get the binding numbers 0, 1, 2 and so on, in order.
+/// The bind group layout of the resources that an entry point uses. Their binding numbers are the numbers in the
+/// translated shader.
 fn layout(via: Via, bindings: &Bindings) -> Result<Vec<wgpu::BindGroupLayoutEntry>, String> {
     bindings.iter().filter(|resource| resource.used).map(|resource| entry(via, resource)).collect()
 }

@@ -1,4 +1,4 @@
-//! Selects the paths for checks, and the paths that a selector matches.
+//! Selects the paths on which checks run, and matches paths with selectors.
 
 use super::{Adapter, Api, Opened, Path, PathError, Selector, device, open};
 use crate::settings::{self, Settings};
@@ -33,7 +33,7 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
     open(path).map(Opened::adapter)
 }
 
-/// The adapter of a path that the user named.
+/// The adapter of a path that the user requires.
 ///
 /// ```no_run
 /// use karat::Path;
@@ -125,7 +125,7 @@ fn distinct(all: &[Opened]) -> Vec<Opened> {
 }
 
 /// Checks the names of custom executors. Each name must be unique, and different from the drivers' names. Also checks
-/// the environment's list of paths for misspelt names.
+/// that `KARAT_PATHS` and `KARAT_REQUIRE` contain only names of paths.
 pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathError> {
     let settings = settings::current()?;
     for (variable, names) in
@@ -143,7 +143,8 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
     Ok(())
 }
 
-/// The paths in a list. The list has the format of `KARAT_PATHS`, in which `all` stands for all drivers that open.
+/// The paths in a list. The list has the format of `KARAT_PATHS`, in which `all` stands for the paths of [`Path::ALL`]
+/// that open on this machine.
 ///
 /// ```no_run
 /// use karat::Path;
@@ -179,10 +180,10 @@ pub fn programs() -> Result<Vec<Path>, PathError> {
     names.map(|(name, _)| format!("{}@{name}", Api::Process.name()).parse()).collect()
 }
 
-/// The name that stands for all paths that open.
+/// The word in a list that stands for all paths of [`Path::ALL`] that open on this machine.
 const ALL: &str = "all";
 
-/// Returns the paths in a list. Each path may occur only once.
+/// Returns the paths in a list, without the word `all`. Each path may occur only once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
     let (mut paths, mut all) = (Vec::new(), false);

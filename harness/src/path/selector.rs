@@ -8,10 +8,10 @@ use super::{Adapter, Path, PathError};
 /// Selects the paths to which a tolerance or a known issue applies, by API, by route, by driver, or by several of
 /// these.
 ///
-/// A missing part matches anything. `Path::GL` and `"gl"` match OpenGL with any driver and route. `"vulkan@nvidia"`
-/// matches Vulkan with one driver. `"@llvmpipe"` matches llvmpipe on each API. `":hlsl"` matches every route through
-/// HLSL. If several selectors match a path, the selector with the most parts applies. If several selectors have the
-/// most parts, the last declaration applies.
+/// If the selector has no API, no route or no driver, it matches any. `Path::GL` and `"gl"` match OpenGL with any
+/// driver and route. `"vulkan@nvidia"` matches Vulkan with one driver. `"@llvmpipe"` matches llvmpipe on each API.
+/// `":hlsl"` matches every route through HLSL. If several selectors match a path, the selector with the most parts
+/// applies. If several selectors have the most parts, the last declaration applies.
 ///
 /// ```
 /// use karat::Path;
@@ -23,7 +23,7 @@ use super::{Adapter, Path, PathError};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selector {
     text: String,
-    /// The parts of the text. `None` says that the text isn't a path.
+    /// The API, the route and the driver in the text. `None` if the text isn't a valid selector.
     parts: Option<Parts>,
 }
 
@@ -35,7 +35,7 @@ impl From<Path> for Selector {
     }
 }
 
-/// A text that isn't a path causes an error when the check runs.
+/// Accepts any text. If the text isn't a valid selector, the check returns an error when it runs.
 impl From<&str> for Selector {
     fn from(text: &str) -> Self {
         Self { text: text.to_owned(), parts: Parts::read(text).ok() }
@@ -49,7 +49,7 @@ impl fmt::Display for Selector {
 }
 
 impl Selector {
-    /// Checks if the text has the form of a path.
+    /// Checks if Karat knows the API, the route and the driver in the text.
     ///
     /// ```
     /// use karat::path::Selector;

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-/// Paths of the file with which Vulkan's loader finds a browser's SwiftShader.
+/// Places where Linux distributions install a browser's driver manifest. With this file, Vulkan's loader finds
+/// SwiftShader.
 const MANIFESTS: [&str; 5] = [
     "/usr/lib/chromium/vk_swiftshader_icd.json",
     "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",

@@ -1,5 +1,5 @@
-//! Starts programs that run jobs: programs in KARAT_EXECUTORS, and two programs that are part of Karat. One of the two
-//! programs runs jobs with Dawn in Node. The other runs jobs in a page of Chromium.
+//! Starts programs that run jobs: programs in KARAT_EXECUTORS, and two programs that are part of Karat. The program
+//! `dawn` runs jobs with Dawn in Node, and the program `chromium` runs jobs in a page of Chromium.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,18 +11,19 @@ use crate::diagnostic::shown;
 use crate::lines::{Answers, Broken, Lines};
 use crate::tint::{self, NoVerdict, Page};
 
-/// The names of the programs that are part of Karat. Each name is also a path.
+/// The names of the programs that are part of Karat. Each name is also short for a path: `dawn` means `process@dawn`.
 pub(super) const NAMES: [&str; 2] = ["dawn", "chromium"];
 
-/// The largest reply in bytes: a frame of 4096 x 4096 pixels, with up to ten digits for each 32-bit word.
+/// The largest reply in bytes. A frame of 4096 x 4096 pixels fits, with four 32-bit words per pixel and up to ten
+/// digits per word.
 const LONGEST: u64 = 1 << 30;
 
-/// The JavaScript that runs jobs with WebGPU, and the parts that receive jobs in Node and in a page.
+/// The JavaScript that runs a job with WebGPU. `NODE` and `PAGE` are the scripts that receive the jobs.
 const JOBS: &str = include_str!("jobs.js");
 const NODE: &str = include_str!("dawn.mjs");
 const PAGE: &str = include_str!("page.js");
 
-/// The JavaScript of a page that asks for jobs, and runs them with WebGPU.
+/// The JavaScript of the page of `karat browser`. The page requests jobs from Karat, and runs them with WebGPU.
 pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!("browser.js"));
 
 #[derive(Clone, Debug)]
@@ -31,7 +32,7 @@ pub(super) enum Runner {
     Given(Vec<String>),
     /// Dawn for Node: the path of Node's program, and the folder of the npm package `webgpu`.
     Dawn { node: PathBuf, package: PathBuf },
-    /// The program of a Chromium.
+    /// The path of Chromium's or Chrome's program.
     Chromium(PathBuf),
 }
 
@@ -104,7 +105,7 @@ impl Runner {
     }
 }
 
-/// Checks if a variable of Vulkan's loader is set, because the user then chose the drivers.
+/// Checks if the user chose Vulkan's drivers with an environment variable of Vulkan's loader.
 #[must_use]
 pub fn has_chosen_drivers() -> bool {
     let chosen = [swiftshader::ADD, "VK_DRIVER_FILES", "VK_ICD_FILENAMES"];

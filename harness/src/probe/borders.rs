@@ -1,10 +1,10 @@
 //! Fills the border texels of cube maps.
 //!
 //! SwiftShader stores each face with a border of texels from the neighbouring faces. Its linear filter reads this
-//! border at edges. SwiftShader fills the border when a draw uses the cube map, but not when a dispatch does: only
-//! `Renderer.cpp` calls `DescriptorSet::PrepareForSampling`, and `ComputeProgram.cpp` doesn't. So a kernel would read
-//! old memory. Most functions that sample cube maps run in fragment shaders, where the driver is right. Karat calls
-//! these functions in kernels, so it first draws once with each cube map.
+//! border at the edges of faces. SwiftShader fills the border when a draw uses the cube map, but not when a dispatch
+//! does: only `Renderer.cpp` calls `DescriptorSet::PrepareForSampling`, and `ComputeProgram.cpp` doesn't. So a kernel
+//! would read stale texels. Applications sample cube maps mostly in fragment shaders, where SwiftShader fills the
+//! border. Karat calls the functions in kernels, so it first draws once with each cube map.
 
 use crate::path::{Device, PathError};
 

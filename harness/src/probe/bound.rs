@@ -14,7 +14,7 @@ pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 pub(super) struct Bound {
     pub(super) pipeline: Compiled,
     pub(super) groups: Vec<wgpu::BindGroup>,
-    /// The bytes of the immediates (`var<immediate>`), which the commands of each run set.
+    /// The bytes of the immediates (`var<immediate>`), which Karat sets in the commands of each run.
     immediates: Option<Vec<u8>>,
 }
 
@@ -24,7 +24,7 @@ pub(super) enum Compiled {
 }
 
 impl Compiled {
-    /// The group and binding in the pipeline for a resource's group and binding in WGSL.
+    /// The group and binding number in the pipeline, for the resource with this group and binding number in WGSL.
     fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match self {
             Self::Dispatched(pipeline) => pipeline.place(group, binding),
@@ -85,7 +85,8 @@ pub(super) fn compile(
     Ok(Compiled::Dispatched(pipeline))
 }
 
-/// Binds the fixtures. Group 0 also gets buffers for the arguments, the results and the batch, in this order.
+/// Binds the fixtures. Group 0 also gets three buffers, in this order: the arguments, the results, and the numbers that
+/// describe the batch.
 pub(super) fn bind(
     device: &Device,
     pipeline: Compiled,

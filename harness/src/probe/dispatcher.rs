@@ -16,14 +16,14 @@ use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Turn, guard};
 use crate::reflect::BindingKind;
 
-/// The largest batch if cases run separately. Each of these cases has its own commands, and its own copy of each resource
-/// that it writes.
+/// The largest number of cases in a batch if each case runs separately. Each of these cases has its own commands, and
+/// its own copy of each resource that it writes.
 const ALONE: usize = 64;
 
 pub(super) struct Dispatcher<'d> {
     device: &'d Device,
     kernel: Kernel,
-    /// The compiled kernel. `None` if the arguments are constants, because each dispatch then compiles a kernel.
+    /// The compiled kernel. `None` if the arguments are constants, because each dispatch then compiles its own kernel.
     bound: Option<Bound>,
     resources: Resources,
     arguments: Option<wgpu::Buffer>,
@@ -54,19 +54,20 @@ impl Drop for Dispatcher<'_> {
 #[must_use]
 pub(crate) struct Dispatch<'d> {
     device: &'d Device,
-    /// `true` after waiting for the dispatch.
+    /// `true` after Karat has waited for the dispatch.
     waited: Cell<bool>,
     cases: usize,
     canary: u32,
-    /// The number of workgroups in a row, and the number of rows.
+    /// The number of workgroups in x, and in y.
     groups: (u32, u32),
-    /// The kernel with these arguments as constants. `None` if the kernel reads its arguments from a buffer.
+    /// The kernel with this dispatch's arguments as constants. `None` if the kernel reads its arguments from a buffer.
     constants: Option<Bound>,
     _deadline: crate::path::Guard,
 }
 
 impl Drop for Dispatch<'_> {
-    /// Waits, because the driver's threads must end before the process unloads the driver's code.
+    /// Waits for the end of the dispatch, because the driver's threads must end before the process unloads the driver's
+    /// code.
     fn drop(&mut self) {
         if !self.waited.get() {
             let _turn = self.device.turn();
@@ -78,7 +79,7 @@ impl Drop for Dispatch<'_> {
 
 impl<'d> Dispatcher<'d> {
     /// Uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's limits may allow fewer
-    /// cases. If there is no compiled kernel, each dispatch compiles its own kernel.
+    /// cases. If `pipeline` is `None`, each dispatch compiles its own kernel.
     pub(super) fn new(
         device: &'d Device,
         probed: &Probed,
@@ -204,7 +205,8 @@ impl<'d> Dispatcher<'d> {
     }
 
     /// Starts a dispatch of `cases` cases with these arguments. Each case has `invocations` invocations, and the first
-    /// invocation calls the function. Each case writes `canary`, combined with its index.
+    /// invocation calls the function. Each case writes a canary: `canary ^ case`, where `case` is the index of the
+    /// case.
     pub(super) fn dispatch(
         &self,
         cases: usize,
@@ -251,7 +253,7 @@ impl<'d> Dispatcher<'d> {
         Ok(dispatch)
     }
 
-    /// Fills the results with `poison` and runs the kernel. The device already has the arguments.
+    /// Fills the results with `poison` and runs the kernel. The caller has already uploaded the arguments.
     fn submit(&self, dispatch: &Dispatch<'_>, poison: &Poison) -> Result<(), ProbeError> {
         let bound = dispatch
             .constants
@@ -333,7 +335,8 @@ impl<'d> Dispatcher<'d> {
     }
 
     /// Waits for a dispatch whose cases run separately. Returns the words of all cases, and the number of words in a
-    /// case. A case has the function's result, the values behind its pointers, and the resources that it writes.
+    /// case. The words of a case are the function's result, the values behind the function's pointers, and the contents
+    /// of the resources that the function writes.
     pub(super) fn rows(&self, dispatch: Dispatch<'_>) -> Result<(Vec<u32>, usize), ProbeError> {
         let (cases, width) = (dispatch.cases, self.stride_out() - 1);
         let words = self.read(dispatch, <[u32]>::to_vec)?;

@@ -1,7 +1,7 @@
 //! Checks that each case wrote its own words.
 //!
-//! Before a dispatch, all words of the results are poison. After its result, each case writes a canary that only this
-//! dispatch uses.
+//! Before a dispatch, all words of the results are poison. Each case writes its result, and then a canary that only
+//! this dispatch uses.
 
 use super::{Partial, ProbeError};
 use crate::domain::Source;
@@ -9,15 +9,15 @@ use crate::path::Path;
 use crate::reflect::Function;
 
 /// The poison: a quiet NaN that functions rarely return. If a result equals the poison, Karat runs the kernel again
-/// over the poison [`OTHER`]. If the result is the same, the function returned this value. Otherwise the kernel never
-/// wrote the result.
+/// over the poison [`OTHER`]. If the second run gives the same result, the function returned it. Otherwise the kernel
+/// never wrote the result.
 pub(crate) const WORD: u32 = 0x7fc0_dead;
 
 /// The second poison, for running a kernel again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
 
-/// A number that no earlier call or run of Karat used. With this number, Karat recognises results that an earlier run
-/// left in a buffer.
+/// A new number that Karat hasn't used before, neither in this process nor in an earlier one. With this number, Karat
+/// recognises results that an earlier run left in a buffer.
 pub(crate) fn unheard_of() -> u64 {
     use std::hash::{BuildHasher, RandomState};
     use std::sync::LazyLock;
@@ -33,7 +33,7 @@ pub(crate) fn canary() -> u32 {
     Source::new(0, unheard_of()).bits()
 }
 
-/// The layout of a function's results on a path, for the checks.
+/// The layout of a function's results on a path. With this layout, Karat finds canaries and unwritten words.
 pub(crate) struct Evidence {
     pub(crate) function: String,
     pub(crate) path: Path,
@@ -84,8 +84,8 @@ impl Evidence {
         places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
-    /// Returns an error if a word equals the poison after the first run, but has another value after the second run
-    /// over the other poison. Then the kernel never wrote the word.
+    /// Returns an error if a word is [`WORD`] after the first run, but not after the second run, which started with the
+    /// poison [`OTHER`]. The kernel never wrote such a word.
     pub(crate) fn expect_written(
         &self,
         words: &[u32],

@@ -5,7 +5,7 @@ use std::fmt;
 /// The source of a kernel's arguments. Compilers treat each source differently.
 ///
 /// WGSL compilers don't evaluate user functions at compile time. But if the arguments are constants, a driver may
-/// inline the function and evaluate it at compile time, with another arithmetic.
+/// inline the function and evaluate it at compile time. The compiler may round in another way than the GPU.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -25,8 +25,8 @@ pub enum Inputs {
     Storage,
     /// A uniform buffer of 16 KiB, which every device supports. A check then needs many small dispatches.
     Uniform,
-    /// Constants in the kernel's text. There are at most 64 cases, because each case is a separate call. WGSL has no
-    /// constants for NaN and infinities.
+    /// Constants in the kernel's text. A check then has at most 64 cases, because each case is a separate call. The
+    /// arguments can't be NaN or infinities, for which WGSL has no constants.
     Constant,
 }
 
@@ -44,7 +44,8 @@ impl Inputs {
         }
     }
 
-    /// The text that reports add to a path's name to show the source. It is empty for a storage buffer, the default.
+    /// The text that reports add to a path's name to show the source. The text is empty for a storage buffer, the
+    /// default.
     pub(crate) fn remark(self) -> &'static str {
         match self {
             Self::Storage => "",

@@ -1,4 +1,4 @@
-//! Keeps the contents of resources that shaders write, before and after each run.
+//! Copies the resources that shaders write: their original contents, and their contents after each run.
 
 use std::sync::Arc;
 
@@ -16,8 +16,7 @@ pub(crate) struct Kept {
     before: Memory,
     after: wgpu::Buffer,
     staging: wgpu::Buffer,
-    /// The distance in the buffer from one copy to the next copy: the size of a copy in bytes, rounded up to the
-    /// required alignment.
+    /// The size in bytes of one copy in `after`, which has a copy of the contents for each run.
     stride: u64,
 }
 
@@ -39,7 +38,7 @@ impl Memory {
         })
     }
 
-    /// The size of a copy in bytes. Rows of texels are aligned.
+    /// The size of a copy in bytes. Each row of texels is padded to the alignment that wgpu requires.
     fn size(&self) -> u64 {
         match self {
             Self::Buffer(buffer) => buffer.size(),
@@ -51,7 +50,7 @@ impl Memory {
     }
 }
 
-/// The size of a row of texels in a buffer, in bytes.
+/// The size of a row of texels in a buffer in bytes, with its padding.
 fn row(texture: &wgpu::Texture, codec: Codec) -> u64 {
     let bytes = texture.width() * codec.size() as u32;
     u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
@@ -103,7 +102,7 @@ impl Kept {
         }
     }
 
-    /// Copies the contents after a run into that run's part of the buffer.
+    /// Copies the contents after the run with the number `run` into the buffer `after`.
     pub(crate) fn keep(&self, encoder: &mut wgpu::CommandEncoder, run: usize) {
         let offset = self.stride * run as u64;
         match &self.live {
@@ -122,13 +121,13 @@ impl Kept {
         }
     }
 
-    /// Copies the contents after the first `runs` runs into the buffer for reading.
+    /// Copies the contents after the first `runs` runs from `after` into `staging`, which the host can read.
     pub(crate) fn stage(&self, encoder: &mut wgpu::CommandEncoder, runs: usize) {
         let size = self.stride * runs as u64;
         encoder.copy_buffer_to_buffer(&self.after, 0, &self.staging, 0, size);
     }
 
-    /// The contents after each of the first `runs` runs, as a list of scalars.
+    /// The contents after each of the first `runs` runs, each as a list of scalars.
     pub(crate) fn lanes(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let words = self.words(device, runs)?;
         let lanes = |words: &Vec<u32>| self.program.lanes_of_words(&self.binding, words);

@@ -7,24 +7,26 @@ use crate::path::MOST_ROUNDS;
 use crate::reflect::{COUNTERS, Function, Overrides, Passed, Program};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
-/// The number of invocations in a workgroup. Every device supports 64, and 64 is a multiple of every vector width.
+/// The number of invocations in a workgroup. Every device supports 64, and 64 is a multiple of the number of lanes in
+/// any GPU's or CPU's vectors.
 pub(crate) const WORKGROUP: u32 = 64;
 
 /// The number of 32-bit words in a uniform buffer of 16 KiB, the size that every device supports.
 pub(crate) const UNIFORM_WORDS: usize = 4096;
 
-/// The largest batch if arguments are constants. Each case is a separate call, which the driver may inline.
+/// The largest number of cases of a check if arguments are constants. Each case is a separate call, which the driver
+/// may inline.
 pub(crate) const CONSTANTS: usize = 64;
 
-/// The number of calls in a kernel with constants. The time to compile a kernel grows faster than its number of calls. Also,
-/// wgpu's GL panics if a thread waits longer than six seconds for another thread.
+/// The number of calls in a kernel with constants. The time to compile a kernel grows faster than its number of calls.
+/// Also, wgpu's GL panics if a thread waits longer than six seconds for another thread.
 const CALLS: usize = 16;
 
 pub(crate) const RESULTS: &str = "karat_out";
 
 pub(super) const ENTRY_POINT: &str = "karat_probe";
 
-/// The name of the generated vertex function, for an entry point that is a fragment function.
+/// The name of the vertex function that Karat generates if the kernel is a fragment function.
 pub(super) const VERTEX: &str = "karat_vertex";
 
 /// The width and height in pixels of the square around each quad. A triangle that covers the quad fits into the square.
@@ -39,12 +41,13 @@ pub struct Kernel {
     pub(super) words_in: usize,
     /// The number of words of one case's result, without the canary.
     pub(super) words_out: usize,
-    /// The first of three binding numbers in group 0: for arguments, results, and the batch.
+    /// The first of three binding numbers in group 0: for the arguments, the results, and the numbers that describe the
+    /// batch.
     pub(super) first_binding: u32,
-    /// The source of the arguments. For constants, `text` has no calls. [`of_constants`](Self::of_constants) writes the
-    /// calls for a batch.
+    /// The source of the arguments. If the arguments are constants, `text` has no calls, and
+    /// [`of_constants`](Self::of_constants) writes a text with the calls for a batch.
     pub(super) inputs: Inputs,
-    /// `true` if the kernel can run each case in its own vector of the processor, when the batch asks for this. See
+    /// `true` if a batch may choose to run each case in a separate vector of the processor. See
     /// [`rounds`](super::rounds).
     pub(super) apart: bool,
     /// The number of loop counters, if the kernel returns counters instead of results.
@@ -86,8 +89,8 @@ impl Kernel {
         kernel
     }
 
-    /// A kernel for the same calls that returns how many iterations each of the function's `loops` loops takes. Karat
-    /// adds the counters to the loops in naga's IR of this text.
+    /// A kernel that makes the same calls, but returns `loops` loop counters instead of the results. Karat then adds
+    /// the code that counts to naga's IR of the kernel's text.
     pub(super) fn counting(&self, loops: usize) -> Self {
         let mut kernel = Self {
             words_out: loops,
@@ -100,7 +103,7 @@ impl Kernel {
     }
 
     /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. Use this
-    /// kernel for functions of which a dispatch could run only one case.
+    /// kernel for functions whose cases can't share a dispatch.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;
@@ -108,7 +111,7 @@ impl Kernel {
         kernel
     }
 
-    /// The largest number of cases in a dispatch for this source of arguments. `None` says that any number is possible.
+    /// The largest number of cases in a dispatch for this source of arguments. `None` if there is no limit.
     pub(crate) fn largest_batch(&self) -> Option<usize> {
         match self.inputs {
             Inputs::Storage => None,
@@ -117,7 +120,8 @@ impl Kernel {
         }
     }
 
-    /// The first of the three bindings in group 0: for arguments, results, and the batch.
+    /// The first of the three binding numbers in group 0: for the arguments, the results, and the numbers that describe
+    /// the batch.
     pub fn first_binding(&self) -> u32 {
         self.first_binding
     }
@@ -162,7 +166,7 @@ impl Kernel {
         Ok(self.write(arguments).expect("writing to a String never fails"))
     }
 
-    /// Writes the text. `constants` has the arguments of all cases, if they are constants.
+    /// Writes the kernel's text. If the arguments are constants, `constants` has the arguments of all cases.
     fn write(&self, constants: &[u32]) -> Result<String, std::fmt::Error> {
         let Self { words_in, words_out, first_binding: binding, inputs, .. } = self;
         let mut text = self.linked.clone();
@@ -317,7 +321,8 @@ impl Kernel {
         Ok(text)
     }
 
-    /// Writes one call. `lane` writes the scalars of the arguments.
+    /// Writes one call of the function. `lane` returns the expression for a scalar of the arguments, by the scalar's
+    /// index.
     fn call(
         &self,
         text: &mut String,
@@ -421,7 +426,7 @@ impl Kernel {
         Ok(())
     }
 
-    /// Declares the variables for pointers into address spaces other than `function`.
+    /// Declares a private variable for each parameter that is a pointer into the address space `private`.
     fn pointed(&self) -> String {
         let function = &self.function;
         let of = function.parameters.iter().zip(&function.form.passed).enumerate();
@@ -485,8 +490,8 @@ mod tests {
     use super::*;
     use crate::package::{KERNEL_WORDS, Package};
 
-    /// A shader may declare names that WGSL predeclares. Karat renames the declarations whose names kernels use, so it
-    /// must know each such name.
+    /// A shader may declare names that WGSL predeclares. Karat renames such a declaration if kernels use the
+    /// predeclared name. So `KERNEL_WORDS` must have all names that kernels use.
     // Lesson 51
     #[test]
     fn kernels_use_no_other_names_than_they_say() {

@@ -1,8 +1,8 @@
 //! Reads the values of a function's let-bindings on a driver.
 //!
-//! Karat copies the linked text. The copy stores the binding's value in a private variable. A second function calls the
-//! original function, and then returns this variable. So the call has the original control flow, arguments and
-//! resources. A binding in a loop has its last value.
+//! In a copy of the linked text, Karat adds a statement that stores the binding's value in a private variable. Karat
+//! also adds a function that calls the author's function, and then returns this variable. So the author's function runs
+//! with its usual control flow, arguments and resources. For a binding in a loop, the variable has the last value.
 
 use std::collections::BTreeMap;
 
@@ -18,7 +18,8 @@ pub struct Let {
     pub span: Option<Span>,
     /// `true` if the binding is in a loop. The binding's probe then returns the last value of the binding.
     pub repeats: bool,
-    /// The index of the binding among the function's bindings of that name, and the number of these bindings.
+    /// The index of the binding among the function's bindings with the same name, and the number of bindings with that
+    /// name.
     pub of_name: (usize, usize),
     /// A probe that returns the binding's value. The probe takes the same arguments as the function. `None` for a
     /// pointer, for a binding in the head of a `for`, and for bindings after the first `MOST`.
@@ -55,8 +56,8 @@ pub fn lets(probed: &Probed) -> Vec<Let> {
     each.collect()
 }
 
-/// The types of the bindings. Karat adds a `var` after each binding, and naga infers its type. A binding has no type if
-/// a variable can't store its value.
+/// The types of the bindings. Karat adds a `var` with the same value after each binding, and naga infers the type of
+/// the `var`. The result omits bindings whose values no variable can store, such as pointers.
 fn types(text: &str, function: &str, statements: &[LetStatement]) -> BTreeMap<usize, String> {
     let all: Vec<usize> = (0..statements.len()).collect();
     types_of(text, function, statements, &all).unwrap_or_else(|| {
@@ -86,8 +87,8 @@ fn types_of(
     Some(indices.iter().filter_map(ty).collect())
 }
 
-/// A probe of a generated function with the same parameters. The generated function calls a copy of the original
-/// function, and returns the value of the binding `one`.
+/// A probe of a generated function, which has the same parameters as the author's function. The generated function
+/// calls a copy of the author's function, and returns the value of the binding `one`.
 fn copy_that_returns(probed: &Probed, one: &LetStatement, ty: &str) -> Option<Probed> {
     let (program, text) = (&probed.program, probed.program.text());
     let locals = program.locals(&probed.function().name)?;

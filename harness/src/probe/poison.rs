@@ -2,7 +2,8 @@
 
 use crate::path::Device;
 
-/// The number of words in one copy. A small buffer stays in the caches, but a buffer for all results would not.
+/// The number of words in the buffer of poison, which Karat copies several times to fill the results. A buffer of this
+/// size stays in the caches, but a buffer for all results would not.
 const WORDS: usize = 16_384;
 
 pub(super) struct Poison {

@@ -5,9 +5,9 @@
 //! lane enters. After [`MOST_ROUNDS`] iterations, llvmpipe stops every loop without a message, and the results are
 //! wrong.
 //!
-//! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the iterations. No single
-//! case may exceed the limit. If several cases in one vector might exceed it together, the kernel runs with one case in
-//! each vector.
+//! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the iterations. If a
+//! single case takes [`MOST_ROUNDS`] iterations, Karat reports an error. If only several cases in one vector may take
+//! that many together, Karat runs the kernel with one case in each vector.
 
 use super::bound::Compiled;
 use super::dispatcher::Dispatcher;
@@ -16,7 +16,8 @@ use crate::fixture::Fixtures;
 use crate::path::{Device, MOST_ROUNDS};
 use crate::reflect::{CountedLoop, Nesting, count_rounds};
 
-/// The number of invocations that may share a vector. llvmpipe's widest vectors have 512 bits.
+/// The largest number of invocations in a vector. llvmpipe's widest vectors have 512 bits, which is 16 lanes of 32
+/// bits.
 pub(crate) const VECTOR: u32 = 16;
 
 /// A kernel that counts the iterations of each loop for each case.
@@ -51,8 +52,8 @@ impl<'d> Rounds<'d> {
         Ok(Self { dispatcher, loops: counting.loops, nesting: counting.nesting, function })
     }
 
-    /// Checks if each case needs its own vector, because the driver might otherwise stop a loop. Returns an error if
-    /// one case takes too many iterations.
+    /// Checks if each case needs its own vector, because the driver might stop a loop if cases share a vector. Returns
+    /// an error if one case takes too many iterations.
     pub(super) fn apart(
         &self,
         cases: usize,

@@ -69,7 +69,8 @@ impl<'d> Runner<'d> {
         Ok(Self { dispatcher, rounds })
     }
 
-    /// Starts a dispatch of `cases` cases with these arguments. Each case writes `canary`, combined with its index.
+    /// Starts a dispatch of `cases` cases with these arguments. Each case writes a canary: `canary ^ case`, where
+    /// `case` is the index of the case.
     fn dispatch(
         &self,
         cases: usize,

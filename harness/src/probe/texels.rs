@@ -14,7 +14,7 @@ enum Number {
 }
 
 /// A format whose texels Karat can write and read. Channels of 8, 16 or 32 bits are stored one after another. Channels
-/// of other widths share a 32-bit word.
+/// of other widths are packed into a 32-bit word.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Codec {
     pub(crate) format: wgpu::TextureFormat,
@@ -148,7 +148,8 @@ impl Codec {
         }
     }
 
-    /// The bits of the four scalars that a shader reads from a texel. Missing channels read as 0, 0, 0, 1.
+    /// The bits of the four scalars that a shader reads from a texel. If the format lacks a channel, red, green and
+    /// blue are 0, and alpha is 1.
     pub(crate) fn decode(self, bytes: &[u8]) -> [u32; 4] {
         let one = if self.is_integer() { 1 } else { 1_f32.to_bits() };
         let mut words = [0, 0, 0, one];

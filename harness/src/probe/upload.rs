@@ -12,12 +12,12 @@ pub(crate) enum Resource {
     Buffer(wgpu::Buffer),
     View(wgpu::TextureView),
     Sampler(wgpu::Sampler),
-    /// The bytes of immediates, which the commands of each run set.
+    /// The bytes of immediates, which Karat sets in the commands of each run.
     Immediate(Vec<u8>),
 }
 
 impl Resource {
-    /// The resource for a bind group. It is `None` for immediates, which aren't bound.
+    /// The resource for a bind group. `None` for immediates, which aren't bound.
     pub(crate) fn binding(&self) -> Option<wgpu::BindingResource<'_>> {
         Some(match self {
             Self::Buffer(buffer) => buffer.as_entire_binding(),
@@ -243,8 +243,8 @@ fn unusable(binding: &Binding, reason: String) -> FixtureError {
     FixtureError::Unusable { variable: binding.path.clone(), reason }
 }
 
-/// Reports textures that wgpu's GL replaces by other textures without an error (`Texture::get_info_from_desc` of
-/// wgpu-hal 30).
+/// Returns the reason why wgpu's GL can't bind a texture. Without this check, GL would silently bind another kind of
+/// texture (`Texture::get_info_from_desc` of wgpu-hal 30).
 fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<&'static str> {
     if device.path().api() != Api::Gl {
         return None;
@@ -271,7 +271,7 @@ fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<
     }
 }
 
-/// Returns an error if the texture's format can't store the texels of the fixture, except for rounding.
+/// Returns an error if a texel of the fixture is out of range for the texture's format. Rounding is allowed.
 fn expect_kept(
     device: &Device,
     binding: &Binding,

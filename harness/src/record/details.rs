@@ -17,14 +17,14 @@ pub struct Details {
     /// `file:line:column` of the cause; `None` if the cause is at the location of the subject.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
-    /// The paths that fail, or that have no values.
+    /// The paths on which the check fails or gets no values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub paths: Vec<PathDetails>,
     /// The violations in compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
-    /// The command that runs the check again; `None` if the failure belongs to a single path. A race in passes doesn't
-    /// belong to a single path, for example.
+    /// The command that runs the check again, for a failure that belongs to no single path, such as a race. `None` for
+    /// other failures: the cases in `paths` have their own commands.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replay: Option<Replay>,
 }
@@ -34,7 +34,7 @@ pub struct Details {
 pub struct PathDetails {
     /// The path's name, its adapter and its driver.
     pub adapter: Adapter,
-    /// The reason why the path has no values; `None` if it has values.
+    /// The reason why the check got no values on this path; `None` if the check got values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stopped: Option<String>,
     /// A property that only the arguments of failing cases have; `None` if Karat found no such property.
@@ -91,7 +91,7 @@ pub struct CaseDetails {
 pub struct ExpectationDetails {
     /// `file:line:column` of the expectation; empty if the kernel's report of the failure is damaged.
     pub place: String,
-    /// The text of the expectation, and the values with which the test called it.
+    /// The text of the expectation, and the values of its arguments.
     pub seen: String,
 }
 

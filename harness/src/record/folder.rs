@@ -1,8 +1,9 @@
 //! Folders of records. Each run has its own folder, and the file `last` names the run that ended last.
 //!
-//! The crate `ci` also compiles this file, so the file uses only the standard library. Only one process at a time
-//! changes a folder of records (`lock`). A run holds a lock on the file `running` in its own folder until its process
-//! ends. The next run that begins or ends removes the folders of killed runs, in which no process locks `running`.
+//! The crate `ci` also compiles this file, so the file uses only the standard library. While a process changes a folder
+//! of records, it holds a lock on the file `lock`, so other processes wait. A run holds a lock on the file `running` in
+//! its own folder until its process ends. If a run was killed, no process holds the lock on its file `running`. The
+//! next run that begins or ends removes the folder of the killed run.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
@@ -14,10 +15,9 @@ const LAST: &str = "last";
 const RUN: &str = "run-";
 /// The file that a run locks until its process ends.
 pub(crate) const RUNNING: &str = "running";
-/// The file that a process locks while it reads the list of runs, or changes it.
+/// The file that a process locks while it reads records, or changes the folder of records.
 const LOCK: &str = "lock";
-/// Longest wait for the lock. The wait can take some time, because other processes hold the lock while they read
-/// records.
+/// Longest wait for the lock on `lock`. Other processes hold this lock while they read records.
 const PATIENCE: Duration = Duration::from_secs(30);
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -108,8 +108,8 @@ pub(crate) struct Turn {
 }
 
 impl Turn {
-    /// Waits for the lock. For `take`, processes that write pass `File::try_lock`, and processes that read pass
-    /// `File::try_lock_shared`.
+    /// Waits for the lock. The function `take` takes the lock: `File::try_lock` for a process that writes, and
+    /// `File::try_lock_shared` for a process that reads.
     ///
     /// # Errors
     /// If another process holds the lock for more than 30 seconds.
@@ -140,7 +140,7 @@ impl Turn {
         }
     }
 
-    /// Removes the folders of runs that ended or were killed. The folder of the last run stays.
+    /// Removes the folders of runs that ended or were killed. Keeps the folder of the run that ended last.
     fn clear(&self, records: &Path) {
         // Without locks, Karat can't recognise runs that still go on.
         if self.held.is_none() {
@@ -158,7 +158,7 @@ impl Turn {
     }
 }
 
-/// The folders of runs that ended or were killed, without the folder of the last run.
+/// The folders of runs that ended or were killed, without the folder of the run that ended last.
 pub(crate) fn dead(records: &Path) -> Vec<PathBuf> {
     let last = last(records);
     let mut found = Vec::new();

@@ -86,7 +86,7 @@ fn leftovers_of_a_killed_run_are_removed_and_a_live_run_is_kept() {
     assert_eq!(last(folder).as_deref(), Some("live"));
 }
 
-/// A folder has records but no runs if `cargo test` with KARAT_RECORD wrote it, or an older version of Karat.
+/// If the user sets KARAT_RECORD and runs `cargo test`, the folder has records, but no folders of runs.
 #[test]
 fn a_folder_without_runs_is_a_record_itself() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
@@ -112,7 +112,7 @@ fn a_stopwatch_measures() {
     assert!(started <= SystemTime::now(), "{time:?}");
 }
 
-/// Karat refuses a record of another version, at whatever position the version stands in the line.
+/// Karat refuses records of another version. The error names the file and the line.
 #[test]
 fn another_version_is_refused() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
@@ -155,7 +155,7 @@ fn tests_whose_frames_were_left_out_are_known() {
     assert_eq!(known, ["room", "scene"]);
 }
 
-/// Whatever name the file `last` contains, Karat reads only a folder beside the file.
+/// Karat ignores the file `last` if its text isn't the name of a run's folder, such as `../x`.
 #[test]
 fn the_file_last_can_only_name_a_folder_beside_it() {
     let temporary = tempfile::tempdir().expect("a temporary folder");

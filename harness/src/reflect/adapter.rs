@@ -1,4 +1,4 @@
-//! Wraps a function that has pointers into a function that takes and returns values.
+//! Wraps a function with pointer parameters in a function that takes and returns values.
 
 use naga::{
     Arena, Block, Expression, Function, FunctionArgument, FunctionResult, GlobalVariable, Handle,
@@ -14,7 +14,7 @@ pub(crate) const ADAPTER: &str = "karat_call";
 impl Program {
     /// Returns a copy of the module with an additional function [`ADAPTER`]. The function [`ADAPTER`] takes values,
     /// calls `function` with pointers to them, and returns the result of `function` and the values behind the pointers.
-    /// `None` if `function` has a result and no pointers.
+    /// `None` if `function` needs no such wrapper, because it takes only values and returns a result.
     pub(crate) fn adapted(
         &self,
         function: &Signature,

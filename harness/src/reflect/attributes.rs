@@ -45,9 +45,9 @@ impl Program {
         all
     }
 
-    /// Reports which components an entry point reads of the position of an invocation or workgroup in the dispatch: x,
-    /// y and z. Each element is `true` if the entry point reads this component. An element is `None` if the entry point
-    /// uses a whole position vector, and so may read each of its components.
+    /// Reports if an entry point reads the components x, y and z of `global_invocation_id` or `workgroup_id`. Each
+    /// element is `true` if the entry point reads the component. An element may be `None` if the entry point uses a
+    /// whole vector, and so may read any component.
     pub fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);

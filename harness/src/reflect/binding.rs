@@ -41,7 +41,7 @@ impl Binding {
 pub(crate) type PassProgram = (Arc<Program>, Vec<Binding>, [u32; 3]);
 
 impl Program {
-    /// The number of elements in the longest array of the buffers, if the shader declares each array's length. `None`
+    /// The length of the longest array in the buffers, in elements, if the shader declares each array's length. `None`
     /// if there are no arrays, or if the host chooses the length of an array or the size of a storage texture.
     pub fn fixed_elements(&self, bindings: &[Binding]) -> Option<usize> {
         fn longest(shape: &Shape) -> usize {
@@ -113,7 +113,7 @@ impl Program {
     }
 
     /// Checks if a compute entry point writes a resource. The result may be `false` for a `read_write` resource,
-    /// because some entry points only read it.
+    /// because an entry point may only read such a resource.
     #[must_use]
     pub fn writes(&self, entry_point: &str, binding: &Binding) -> bool {
         let (name, module) = (self.entry_point_name(entry_point), &self.checked.module);
@@ -127,8 +127,7 @@ impl Program {
         })
     }
 
-    /// The resources of a compute entry point and the size of its workgroup, by the entry point's name in the
-    /// text.
+    /// The resources and the workgroup size of the compute entry point with this name in the linked text.
     pub fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
         let (bindings, index) = self.resources_of(name, naga::ShaderStage::Compute)?;
         let size = self.workgroup_size(&self.checked.module.entry_points[index]);
@@ -136,7 +135,7 @@ impl Program {
         Some((bindings, size))
     }
 
-    /// The resources of a fragment entry point, by the entry point's name in the text.
+    /// The resources of the fragment entry point with this name in the linked text.
     pub fn fragment_entry_point(&self, name: &str) -> Option<Vec<Binding>> {
         self.resources_of(name, naga::ShaderStage::Fragment).map(|(bindings, _)| bindings)
     }
@@ -148,7 +147,7 @@ impl Program {
     }
 
     /// Checks if a variable's type contains a matrix of two rows. GLSL's std140 layout puts the columns of such a
-    /// matrix further apart.
+    /// matrix further apart than WGSL's layout does.
     pub(crate) fn has_narrow_matrix(&self, binding: &Binding) -> bool {
         fn has(module: &naga::Module, ty: naga::Handle<naga::Type>) -> bool {
             match &module.types[ty].inner {
@@ -177,8 +176,7 @@ impl Program {
         names.map(|name| self.author_path(name).unwrap_or(name).to_owned()).collect()
     }
 
-    /// The location of an entry point's declaration, from the keyword to the name. `name` is the name in the
-    /// text.
+    /// The location of an entry point's declaration, from `fn` to the name. `name` is the name in the linked text.
     pub(crate) fn entry_point_span(&self, name: &str) -> Option<Span> {
         let text = self.text();
         // The name ends before the parameters. Blanks may come between.
@@ -195,7 +193,8 @@ impl Program {
         inner.size(self.checked.module.to_ctx()) as usize
     }
 
-    /// The offset of a member in a buffer (`light.position`), and the bytes of its value.
+    /// The offset in bytes of the member `member` in a buffer (`light.position`), and the bytes of the value that
+    /// `lanes` gives the member.
     pub(crate) fn member_bytes(
         &self,
         binding: &Binding,

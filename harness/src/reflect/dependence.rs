@@ -1,7 +1,7 @@
 //! Records which programs a test uses, so that commands can run the right tests again after an edit.
 //!
-//! While Karat records a run, each process writes the programs that it links, with the names of the tests, into a file
-//! beside its records. After an edit of a shader, a command reads these files to find the tests that the edit affects.
+//! While Karat records a run, each process writes a line for each program that a test links, into a file beside the
+//! process's records. After an edit of a shader, a command reads these files to find the tests that the edit affects.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
@@ -22,15 +22,16 @@ const ENDING: &str = "programs";
 /// A program that a test linked. The test depends on this program.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Dependence {
-    /// The name of the thread that linked the program. The test's own thread has the test's name. Other threads,
-    /// which the test starts, have other names.
+    /// The name of the thread that linked the program. A test runs in a thread with the test's name, but a thread that
+    /// the test starts has another name.
     pub test: String,
-    /// `None` if other processes can't open the package.
+    /// The package, in a form with which another process can open it; `None` if only the test's own process can open
+    /// the package.
     package: Option<Portable>,
     wanted: Wanted,
     of: Of,
     normalized_text: String,
-    /// The paths of the program's declarations in the author's code; empty for an invalid program.
+    /// The program's declarations by their paths in the author's code (`brdf::schlick`); empty for an invalid program.
     #[serde(default)]
     declares: Vec<String>,
 }
@@ -97,8 +98,8 @@ impl Dependence {
         Some(self.is_same(&self.package()?.unsaved(file, text)))
     }
 
-    /// Checks if an edit of a declaration may change the program. `path` is the declaration's path, such as
-    /// `brdf::schlick`. For a declaration of another package, the end of the path suffices.
+    /// Checks if the program may contain a declaration, so that an edit of the declaration may change the program.
+    /// `path` is the declaration's path, such as `brdf::schlick`, or the end of the path.
     #[must_use]
     pub fn may_declare(&self, path: &str) -> bool {
         let is_it = |own: &String| format!("::{own}").ends_with(&format!("::{path}"));

@@ -1,4 +1,4 @@
-//! Names the elements of variables in memory as the author writes them.
+//! Finds the names of elements of variables in memory, as an author would write the elements in WGSL: `[17].sum`.
 
 use naga::{Handle, Module, Scalar, ScalarKind, Type, TypeInner, VectorSize};
 
@@ -8,7 +8,7 @@ use crate::value::{self, format_lane};
 impl Program {
     /// Finds the element that begins at byte `byte` of a variable. Returns the element's path in the variable
     /// (`[17].sum`), and `words` formatted as values of the element's type. `variable` is the variable's name in the
-    /// text.
+    /// linked text.
     pub(crate) fn element<const N: usize>(
         &self,
         variable: &str,

@@ -19,7 +19,7 @@ const VARIABLE: &str = "karat_t";
 
 impl Program {
     /// The linked text with variables in place of a function's textures and samplers. Returns `None` if the function
-    /// takes no textures and samplers, or if Karat can't pass one of the other parameters.
+    /// takes neither textures nor samplers, or if Karat can't pass one of the other parameters.
     pub(super) fn with_variables(&self, path: &str) -> Option<Linked> {
         let name = self.called_name(self.name_of(path));
         let (_, function) = self.declared(name)?;
@@ -82,7 +82,7 @@ impl Program {
         handles.map(one).collect()
     }
 
-    /// The author's function whose parameter became this variable.
+    /// The author's function with the texture or sampler parameter that became this variable.
     pub(super) fn taken_by(&self, variable: &str) -> Option<Handle<Function>> {
         let (_, called) = self.declared(CALLED).filter(|_| variable.starts_with(VARIABLE))?;
         called.body.iter().find_map(|statement| match statement {

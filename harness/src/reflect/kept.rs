@@ -9,8 +9,8 @@ use super::{Program, ReflectError};
 use crate::package::workspace::{self, Kind};
 use crate::package::{Discards, Package};
 
-/// The cached programs, by the names of the functions or modules that they contain. A name may have several programs,
-/// each from another package.
+/// The cached programs. The key is the function, the module or the declarations for which Karat linked a program. If
+/// several packages have a function or module of the same name, the key has a program for each package.
 struct Programs;
 
 impl Kind for Programs {
@@ -20,8 +20,8 @@ impl Kind for Programs {
     const MOST: usize = 4096;
 }
 
-/// The largest number of packages whose programs are cached for one name. The limit is necessary because tests may open
-/// many texts in memory with the same name.
+/// The largest number of packages whose programs are cached for one key. The limit is necessary because tests may open
+/// many texts in memory whose functions have the same name.
 const MOST_PACKAGES: usize = 8;
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -83,8 +83,8 @@ mod tests {
         Program::of_function(package, "a::f").expect("valid").module().functions.len()
     }
 
-    /// The cache returns a program while its texts stay the same. Karat links the program again if an imported
-    /// module changes, a feature changes, or a file disappears.
+    /// The cache returns the same program as long as its files are unchanged. Karat links the program again if an
+    /// imported module changes, a feature changes, or a file disappears.
     // Lesson 80
     #[test]
     fn a_program_is_made_again_when_a_text_changes() {

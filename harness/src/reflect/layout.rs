@@ -15,8 +15,8 @@ pub enum LayoutError {
     Count {
         /// The number of supplied scalars.
         supplied: usize,
-        /// The number of scalars in the variable's type. For a runtime-sized array, the number of scalars in whole
-        /// elements.
+        /// The number of scalars in the variable's type. For a runtime-sized array, the number of scalars that fill
+        /// whole elements.
         expected: usize,
     },
     /// No buffer fixture can supply the type.
@@ -47,8 +47,8 @@ pub(crate) fn bytes_of(
     Ok(writer.bytes)
 }
 
-/// The scalars of a value of type `ty`, from its bytes: the inverse of [`bytes_of`]. An atomic gives its scalar. The
-/// number of bytes decides the length of a runtime-sized array. Returns `None` if there are too few bytes.
+/// The scalars of a value of type `ty`, from its bytes: the inverse of [`bytes_of`]. An atomic counts as one scalar.
+/// The number of bytes decides the length of a runtime-sized array. Returns `None` if there are too few bytes.
 pub(crate) fn lanes_of(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Vec<u32>> {
     let mut lanes = Vec::new();
     read(module, ty, bytes, &mut lanes)?;
@@ -95,8 +95,8 @@ fn read(module: &Module, ty: Handle<Type>, bytes: &[u8], lanes: &mut Vec<u32>) -
     }
 }
 
-/// The offset in bytes of each member of a value, by its path (`.light.power`, `[].power`), and the strides of
-/// arrays (`.lights[]`).
+/// The path of each member of a value (`.light.power`, `[].power`), with the member's offset in bytes. For each array,
+/// the list also has the offset of the second element, which shows the array's stride.
 pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> Vec<(String, u32)> {
     match &module.types[ty].inner {
         TypeInner::Struct { members, .. } => {

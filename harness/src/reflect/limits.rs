@@ -12,11 +12,11 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::output::counted;
 use crate::package::{Limit, Limits};
 
-/// The amount that an entry point or a variable uses of a resource that WebGPU limits.
+/// An amount that WebGPU limits, such as the number of samplers of an entry point, or the size of a variable.
 struct Used {
     limit: Limit,
     amount: u64,
-    /// The entry point or variable that uses the resource, as text for messages: `the compute entry point main`.
+    /// The entry point or variable that has this amount, as text for messages: `the compute entry point main`.
     who: String,
     what: String,
     span: Option<Span>,
@@ -189,7 +189,8 @@ impl Program {
         }
     }
 
-    /// The limits to which a variable contributes in a stage, each with the amount that the variable adds.
+    /// The limits on the number of resources in a stage for which this variable counts. Each limit has the number of
+    /// resources that the variable counts as, which is usually 1.
     fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
         // WebGPU, "exceeds the binding slot limits": an external texture uses the slots of four textures, a
@@ -248,8 +249,8 @@ impl Program {
         size
     }
 
-    /// The numbers of builtin values that an entry point reads and writes, and that count as inter-stage
-    /// variables (WebGPU, "validating inter-stage interfaces").
+    /// The numbers of inter-stage variables as which an entry point's builtin inputs and builtin outputs count (WebGPU,
+    /// "validating inter-stage interfaces").
     fn builtins(&self, entry: &naga::EntryPoint) -> (u64, u64) {
         let module = &self.checked.module;
         let read = |(binding, _): &(Binding, Handle<Type>)| {
@@ -265,7 +266,7 @@ impl Program {
         (read, self.outputs(entry).iter().map(clipped).sum())
     }
 
-    /// Reports vertex entry points with writable storage, which WebGPU forbids ("GPUBindGroupLayoutEntry"). Tint
+    /// Reports vertex entry points that use writable storage, which WebGPU forbids ("GPUBindGroupLayoutEntry"). Tint
     /// reports them, too.
     pub(super) fn written_by_vertices(&self) -> Vec<Diagnostic> {
         let (module, info) = (&self.checked.module, &self.checked.info);

@@ -4,9 +4,9 @@ use naga::{BinaryOperator, Block, Expression, Function, Handle, Literal, MathFun
 
 use super::Program;
 
-/// The numbers that decide a program's branches: numbers with which it compares, to which it clamps, or that it
-/// subtracts, and the selectors of its `switch` statements. If an input is such a number, or a neighbour of such a
-/// number, the program may take another branch.
+/// The numbers in a program that may decide its branches: numbers in comparisons, bounds of `clamp`, numbers that the
+/// program subtracts, and selectors of `switch` statements. At such a number, or just beside it, an input may make the
+/// program take another branch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Literals {
     /// Floats in the text.
@@ -16,7 +16,8 @@ pub struct Literals {
 }
 
 impl Literals {
-    /// The largest number of literals of each kind. Karat also tries both neighbours of each literal.
+    /// The largest number of floats, and the largest number of integers. Karat also tries both neighbours of each
+    /// literal.
     const MOST: usize = 16;
 
     fn add(&mut self, literal: Literal) {

@@ -6,8 +6,8 @@ use naga::common::wgsl::TypeContext;
 
 use super::Program;
 
-/// A function's name, the types of its parameters, and the names and types of its variables. Karat generates a text
-/// from these that calls the function and stores its variables.
+/// A function's name, the types of its parameters, and the names and types of its variables. From these names and
+/// types, Karat generates WGSL that calls the function and stores its variables.
 pub(crate) struct Locals<'p> {
     pub(crate) function: &'p str,
     pub(crate) parameters: Vec<String>,

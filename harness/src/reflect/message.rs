@@ -18,7 +18,8 @@ pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
     (message, messages)
 }
 
-/// Removes naga's handles, `[6]` and `Some([6])`, from a message. An author doesn't know naga's handles.
+/// Removes naga's handles, `[6]` and `Some([6])`, from a message, because these indices into naga's IR don't help an
+/// author.
 fn without_handles(message: &str) -> String {
     let is_handle = |word: &str| {
         let word = word.trim_matches(|c| matches!(c, ',' | '.' | ':'));
@@ -70,7 +71,7 @@ pub(super) fn to_author(
 /// The beginning of naga's message for an undeclared name.
 const UNDECLARED: &str = "no definition in scope for identifier";
 
-/// If an error is about an undeclared name, adds the other modules that declare this name.
+/// If an error is about an undeclared name, adds a note with the other modules that declare this name.
 pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectError {
     let ReflectError::Invalid(found) = error else { return error };
     let file = found.location().map_or_else(String::new, |at| at.file.name.clone());
@@ -137,8 +138,8 @@ fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
     span.file.text.get(span.range.clone()).map(str::to_owned)
 }
 
-/// The remedy for an undeclared name in capitals. Such a name is a macro, or a constant that the host writes before the
-/// text.
+/// The remedy for an undeclared name in capitals. Such a name is a macro, or a constant that the host program writes
+/// before the shader's text.
 fn macro_of(diagnostic: &Diagnostic, name: String) -> Option<Mend> {
     let span = diagnostic.location()?;
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
@@ -147,8 +148,8 @@ fn macro_of(diagnostic: &Diagnostic, name: String) -> Option<Mend> {
     (name.len() > 1 && name.chars().all(is_capital)).then(|| mend(name))
 }
 
-/// Replaces linked names by the author's names. Longer names come first, because a name may begin with another
-/// name.
+/// Replaces linked names by the author's names. Replaces longer names first, because a long name may begin with a
+/// shorter name.
 fn demangle(linked: &Linked, text: &str) -> String {
     let is_mangled = |(name, path): &(&String, &String)| path.rsplit("::").next() != Some(name);
     let mut mangled: Vec<_> = linked.names.iter().filter(is_mangled).collect();

@@ -1,4 +1,4 @@
-//! Finds uses of native features, which wgpu has and no browser has.
+//! Finds uses of native features: features of wgpu that no browser has.
 
 use naga::front::wgsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -18,7 +18,7 @@ const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
     .union(Capabilities::IMMEDIATES)
     .union(Capabilities::TEXTURE_EXTERNAL);
 
-/// The names that `native` in `karat.toml` accepts: naga's capabilities, in lower case.
+/// The names that `native` in `karat.toml` accepts: naga's capabilities that WebGPU lacks, in lower case.
 pub(super) fn names() -> Vec<String> {
     native().map(|(name, _)| name).collect()
 }
@@ -33,8 +33,8 @@ fn native() -> impl Iterator<Item = (String, Capabilities)> {
 }
 
 impl Program {
-    /// The native features that the program uses. naga rejects the program without these features, or the text enables
-    /// them by `enable`.
+    /// The native features that the program uses. A program uses a feature if naga, without the feature, rejects the
+    /// program, or rejects an `enable` in its text.
     pub(super) fn native_features(&self) -> Vec<String> {
         let used = native().filter(|(_, one)| on_deep_stack(|| self.needs(*one)));
         used.map(|(name, _)| name).collect()

@@ -1,4 +1,4 @@
-//! Normalizes a program's text. If two programs have the same normalized text, they are the same program.
+//! Normalizes a program's text. If two programs have the same normalized text, they differ only in comments and blanks.
 
 use super::Program;
 use crate::package::plain;

@@ -1,5 +1,5 @@
 //! Collects the verdicts on a package from other sources than naga: Tint, WebGPU's limits, and the rules of
-//! engines that load the package's files.
+//! applications that load the package's files.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -25,11 +25,11 @@ pub struct Opinion {
     pub broke: Vec<(String, String)>,
     /// Modules that Tint didn't check, because they use native features of wgpu that `karat.toml` lists.
     pub native: Vec<String>,
-    /// The reason why Karat asked Tint about no module; `None` if Karat asked Tint.
+    /// The reason why Karat didn't ask Tint at all; `None` if Karat asked Tint.
     pub unasked: Option<Missing>,
     /// Modules that exceed WebGPU's limits.
     pub limits: Vec<(String, Diagnostic)>,
-    /// Modules that contain tests and that an engine would load.
+    /// Modules with tests that an application would load, each with a warning.
     pub shipped: Vec<(String, Diagnostic)>,
     /// Tint's warnings.
     pub warnings: Vec<(String, Diagnostic)>,
@@ -87,8 +87,7 @@ impl Opinion {
         modules.len()
     }
 
-    /// All remarks without duplicates. Without this removal of duplicates, an error would occur again for each module
-    /// that imports the faulty module.
+    /// All remarks, each only once. An error in a module also occurs in each module that imports the faulty module.
     #[must_use]
     pub fn remarks(&self) -> Vec<&Diagnostic> {
         let refused = self.refused.iter().map(|refused| &refused.diagnostic);
@@ -102,8 +101,8 @@ impl Opinion {
         all
     }
 
-    /// Checks if there are no rejections and no exceeded limits. If `required`, each module must also have a
-    /// verdict.
+    /// Checks if there are no rejections and no exceeded limits. If `required`, each module must also have a verdict of
+    /// Tint.
     #[must_use]
     pub fn is_good(&self, required: bool) -> bool {
         let all = self.unasked.is_none() && self.broke.is_empty();
@@ -158,8 +157,8 @@ impl Opinion {
     }
 }
 
-/// The warning for a module that wgpu and Firefox reject. wgpu and Firefox give naga the module's text unchanged. Karat
-/// itself accepts the module, because Karat removes the tokens that naga doesn't know.
+/// The warning for a module that wgpu and Firefox reject. naga doesn't know some tokens of the module. wgpu and Firefox
+/// pass these tokens to naga, but Karat removes them, and so accepts the module.
 fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     let first = unknown_to_naga(program.text()).into_iter().next()?;
     let message =
@@ -386,7 +385,7 @@ impl Package {
         }
     }
 
-    /// A warning about tests in a module that engines load. Other compilers don't know `@test`.
+    /// A warning about tests in a module that applications may load. Other compilers don't know `@test`.
     fn shipped_tests(&self, module: &str) -> Option<Diagnostic> {
         if module.ends_with("_test") {
             return None;

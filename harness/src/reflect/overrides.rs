@@ -15,7 +15,8 @@ use crate::value::Scalar;
 pub type Overrides = BTreeMap<String, f64>;
 
 impl Program {
-    /// The program with these values. Each override needs a value or an initialiser.
+    /// A copy of the program in which the overrides have the given values. Each override needs a value or an
+    /// initialiser.
     pub fn overridden(self: &Arc<Self>, given: &Overrides) -> Result<Arc<Self>, ReflectError> {
         let declared = &self.checked.module.overrides;
         if given.is_empty() && declared.iter().all(|(_, declared)| declared.init.is_some()) {
@@ -53,7 +54,7 @@ impl Program {
     }
 
     /// The values of the program's overrides, with the keys that WebGPU uses: an override's `@id` or, without an `@id`,
-    /// its name in the text.
+    /// its name in the linked text.
     pub(crate) fn constants(&self) -> Overrides {
         let key = |name: &String| {
             let mut declared = self.checked.module.overrides.iter();
@@ -230,7 +231,7 @@ fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
 
-/// Replaces the initialisers of overrides by the given values. The keys are the names in the text.
+/// Replaces the initialisers of overrides by the given values. The keys are the overrides' names in the linked text.
 pub(super) fn set(
     module: &mut Module,
     values: &Overrides,

@@ -12,7 +12,7 @@ use super::Program;
 use crate::tint::{Attribute, Pipeline};
 
 impl Program {
-    /// All entry points of WebGPU's stages. The list is empty if an override has no value.
+    /// A pipeline for each vertex, fragment and compute entry point. The list is empty if an override has no value.
     pub fn pipelines(&self) -> Vec<Pipeline> {
         let module = &self.checked.module;
         // Only the author's program knows the value of an override without an initial value. Any other value may
@@ -73,7 +73,7 @@ impl Program {
         result.flat_map(|one| self.bound(one.binding.as_ref(), one.ty)).collect()
     }
 
-    /// The binding of an input or output; for a structure, the bindings of its members.
+    /// The binding and the type of an input or output; for a structure, the bindings and types of its members.
     fn bound(&self, binding: Option<&Binding>, ty: Handle<Type>) -> Vec<(Binding, Handle<Type>)> {
         match (binding, &self.checked.module.types[ty].inner) {
             (Some(binding), _) => vec![(binding.clone(), ty)],
@@ -105,8 +105,8 @@ impl Program {
         formats.get(count - 1).copied()
     }
 
-    /// A format of a colour target for an output. The format always has one component. This is valid, because a stage
-    /// may write more components than the format has.
+    /// A format of a colour target for an output. A format with one component suffices, because a stage may write more
+    /// components than the format has.
     fn target_format(&self, ty: Handle<Type>) -> Option<&'static str> {
         match self.scalars_of(ty)?.0.kind {
             ScalarKind::Float => Some("r8unorm"),

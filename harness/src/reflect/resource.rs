@@ -42,7 +42,7 @@ pub enum Texels {
     Sint,
     /// `u32`
     Uint,
-    /// Depths, which comparison samplers read.
+    /// Depths, as in `texture_depth_2d`.
     Depth,
 }
 

@@ -1,7 +1,7 @@
 //! Counts the iterations of loops.
 //!
-//! Some drivers stop all loops of an invocation after a number of rounds, and go on with the values of that moment. If
-//! naga's IR shows that all loops end sooner, Karat doesn't count their rounds. Otherwise a copy of the kernel counts
+//! Some drivers stop all loops of an invocation after a number of iterations, and continue with wrong values. If naga's
+//! IR shows that all loops end sooner, Karat doesn't count their iterations. Otherwise a copy of the kernel counts
 //! the iterations of its loops. The verdict uses the results of the original kernel.
 
 mod bounds;
@@ -19,7 +19,7 @@ pub use watched::Watched;
 use super::Program;
 use crate::diagnostic::Span;
 
-/// The prefix of the counters in the copy of a kernel. A counter is a private variable with a number.
+/// The prefix of the counters in the copy of a kernel. Each counter is a private variable, such as `karat_rounds0`.
 pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
@@ -42,7 +42,7 @@ impl Program {
         count
     }
 
-    /// The functions that a function or an entry point calls, by the author's paths.
+    /// The functions that a function or an entry point calls directly, by the functions' paths in the author's code.
     pub fn calls(&self, path: &str) -> BTreeSet<String> {
         let (name, functions) = (self.name_of(path), &self.checked.module.functions);
         let found =
@@ -85,17 +85,18 @@ enum Around {
     Loop(usize),
 }
 
-/// The loops around each loop, also through calls of functions. Numbers identify the loops.
+/// The nesting of loops, also through calls of functions. The indices of the lists are the numbers of loops and
+/// functions.
 ///
 /// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. The driver also
-/// runs at least one round of each loop in a branch, even if no case takes the branch. So whenever the code around a
-/// loop runs, the driver counts an iteration of the loop, even if no case enters the loop.
+/// runs at least one iteration of each loop in a branch, even if no case takes the branch. So whenever the code around
+/// a loop runs, the driver counts an iteration of the loop, even if no case enters the loop.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
-    /// The loop, function or entry point around each loop.
+    /// For each loop, the innermost loop, function or entry point around it.
     loops: Vec<Around>,
     owners: Vec<usize>,
-    /// The loops, functions and entry points that call each function.
+    /// For each function, the loops, functions and entry points that contain calls of the function.
     calls: Vec<Vec<Around>>,
 }
 
@@ -133,7 +134,7 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is 1, plus
+    /// For each loop, the largest number of iterations that a driver counts in one iteration of the loop: 1, plus
     /// 1 for each inner loop. If a case enters an inner loop, the iterations of the inner loop count separately.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
@@ -155,8 +156,8 @@ impl Nesting {
         (0..self.loops.len()).map(weight).collect()
     }
 
-    /// The number of rounds that a driver counts for each loop in one case. `counters` has the rounds of each loop, and
-    /// then the number of times that a case entered each loop.
+    /// The number of iterations that a driver counts for each loop in one case. `counters` has the iterations of each
+    /// loop, and then the number of times that a case entered each loop.
     pub(crate) fn rounds(&self, counters: &[u32]) -> Vec<u64> {
         let (rounds, entered) = counters.split_at(self.loops.len().min(counters.len()));
         let mut totals = vec![0_u64; self.loops.len()];
@@ -251,7 +252,7 @@ fn called_in_loops(module: &Module) -> Vec<Handle<Function>> {
     found
 }
 
-/// The spans of a body's loops, outer loops first. The flag is true if the loop is inside another loop.
+/// The spans of a body's loops, outer loops first, each with a flag: `true` if the loop is inside another loop.
 fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     let mut found = Vec::new();
     walk(body, false, &mut |statement, span, in_loop| {
@@ -262,7 +263,8 @@ fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     found
 }
 
-/// Visits all statements of a block in order, with their spans. The flag is true if a statement is in a loop.
+/// Visits all statements of a block in order, with their spans. `visit` also gets a flag: `true` if the statement is in
+/// a loop.
 pub(super) fn walk(
     block: &Block,
     in_loop: bool,
@@ -276,7 +278,7 @@ pub(super) fn walk(
     }
 }
 
-/// The blocks of a statement. The flag is `true` if the statement is a loop, which repeats the block.
+/// The blocks in a statement, each with a flag: `true` if the statement is a loop, which repeats the block.
 fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     match statement {
         Statement::Block(block) => vec![(block, false)],

@@ -1,6 +1,7 @@
 use super::*;
 
-/// A kernel that samples the middle of an edge between two faces. The result is half of each face's texel.
+/// A kernel that samples the middle of an edge between two faces. The result is the mean of the texels on both sides of
+/// the edge.
 const EDGE: &str = "
 @group(0) @binding(0) var cube: texture_cube<f32>;
 @group(0) @binding(1) var cube_sampler: sampler;
@@ -111,9 +112,9 @@ fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
-/// The test fills a cube map with one colour, draws with the cube map, and fills it with another colour. A dispatch
-/// then reads half of the old colour across an edge, on exactly the drivers that need a draw. The next draw corrects
-/// the border.
+/// The test fills a cube map with one colour, draws with the cube map, and fills it with another colour. On the drivers
+/// that fill borders only by a draw, a dispatch now reads the mean of the old and the new colour at an edge. Other
+/// drivers read the new colour. After another draw, all drivers read the new colour.
 #[test]
 fn borders_are_those_of_the_last_draw_on_swiftshader() {
     for device in crate::path::chosen()

@@ -49,7 +49,7 @@ fn a_kernel_that_never_writes_is_an_error() {
     }
 }
 
-/// The kernel skips one case of many.
+/// The kernel skips one of 1000 cases. Karat must report which case has no result.
 // Lesson 6
 #[test]
 fn one_unwritten_case_is_an_error() {
@@ -61,7 +61,7 @@ fn one_unwritten_case_is_an_error() {
     }
 }
 
-/// The kernel writes the canary but not the results, as one driver did. All results are missing, or one component of
+/// The kernel writes the canary but not the results, as one driver did. First all cases lack a result, and then only
 /// one case.
 // Lesson 69
 #[test]
@@ -83,7 +83,7 @@ fn a_kernel_that_writes_only_its_canary_is_an_error() {
     }
 }
 
-/// A function may return exactly the poison word.
+/// If a function returns exactly the poison, Karat must not report an unwritten result.
 // Lesson 69
 #[test]
 fn a_result_that_equals_the_poison_is_a_result() {
@@ -119,8 +119,8 @@ fn a_stale_canary_is_an_error() {
     }
 }
 
-/// While another thread has its turn, a probe doesn't call GL's driver, not even to release resources. Other drivers
-/// serve several threads at once.
+/// GL's driver serves one thread at a time. While another thread uses the driver, a probe must not call the driver, not
+/// even to release resources. Other drivers serve several threads at once.
 #[test]
 fn threads_take_turns_on_gl() {
     use std::sync::mpsc::channel;

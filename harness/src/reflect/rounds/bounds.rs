@@ -1,4 +1,4 @@
-//! Finds the largest numbers of iterations of loops in naga's IR.
+//! Finds upper bounds for the numbers of iterations of loops, from naga's IR.
 
 use std::ops::Range;
 
@@ -11,8 +11,8 @@ use super::{blocks, walk};
 use crate::reflect::Program;
 
 impl Program {
-    /// The largest number of rounds that all loops together can have in one call of any function of the program. `None`
-    /// if the IR shows no such bound.
+    /// The largest number of iterations that all loops together can have in one call of any function of the program.
+    /// `None` if the IR shows no such bound.
     pub fn most_rounds(&self) -> Option<u64> {
         let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
         let mut calls = vec![None; self.checked.module.functions.len()];
@@ -30,8 +30,8 @@ impl Program {
 }
 
 impl Program {
-    /// The ranges in the text of all loops that run a constant number of rounds in each call. No `break` or `return`
-    /// ends such a loop early.
+    /// The ranges in the text of all loops that run a constant number of iterations in each call. No `break` or
+    /// `return` ends such a loop early.
     pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
         let entries = module.entry_points.iter().map(|entry| &entry.function);
@@ -79,8 +79,8 @@ impl Rounds<'_> {
         Some(sum)
     }
 
-    /// The iterations of the loop at `index` of `block`. `None` unless the loop counts one variable between two
-    /// constants in constant steps.
+    /// The number of iterations of the loop at `index` of `block`. Karat finds this number if the loop's variable runs
+    /// from one constant to another in constant steps. For other loops, returns `None`.
     fn rounds(&self, block: &Block, index: usize, in_loop: bool) -> Option<u64> {
         let Statement::Loop { body, continuing, .. } = &block[index] else { return None };
         let condition = body.iter().find_map(|statement| match statement {
@@ -180,8 +180,8 @@ impl Rounds<'_> {
         }
     }
 
-    /// The step by which a `continuing` block changes a variable. `None` if the block changes the variable in
-    /// another way.
+    /// The constant that a `continuing` block adds to a variable. `None` if the block changes the variable in another
+    /// way.
     fn step(&self, continuing: &Block, variable: Handle<LocalVariable>) -> Option<i128> {
         let mut stores = continuing.iter().filter_map(|statement| match statement {
             Statement::Store { pointer, value } if self.variable(*pointer) == Some(variable) => {
@@ -218,8 +218,8 @@ impl Rounds<'_> {
         }
     }
 
-    /// The value of a variable at the beginning of a loop: the last value that the same block stores, or the
-    /// variable's initial value if no other statement writes the variable.
+    /// The value of a variable at the beginning of a loop: the last constant that `block` stores before the loop, or
+    /// the variable's initial value if only the loop's step writes the variable.
     fn start(
         &self,
         block: &Block,
@@ -276,7 +276,7 @@ fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
         _ => return None,
     })
 }
-/// The number of exits from a loop with this body. An exit from an inner loop counts, too.
+/// The number of `break` and `return` statements in a loop's body, including the statements in inner loops.
 fn exits(body: &Block) -> usize {
     let mut count = 0;
     walk(body, true, &mut |statement, _, _| {

@@ -1,4 +1,5 @@
-//! Counts the iterations of loops in frames. A pixel has no counters that Karat could read.
+//! Counts the iterations of loops in frames. An invocation that draws can't return its counters, so it reports a loop
+//! that takes too many iterations in a buffer.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
@@ -20,14 +21,15 @@ pub struct Watched {
 }
 
 impl Watched {
-    /// The name of the buffer in which invocations store their iterations. The buffer has one element for each loop.
+    /// The name of the buffer in which invocations store their numbers of iterations. The buffer has one element for
+    /// each loop.
     pub(crate) const VARIABLE: &str = "karat_most";
 }
 
 impl Program {
-    /// A copy of the program. If an invocation reaches `limit` rounds in all its loops together, the invocation writes
-    /// the number of rounds to a storage buffer. The buffer is at `binding` of group 0, and the index is the number of
-    /// the current loop. If `leave` is `true`, the invocation also leaves the loop.
+    /// A copy of the program. If an invocation reaches `limit` iterations in all its loops together, the invocation
+    /// writes the number of iterations to a storage buffer. The buffer is at `binding` of group 0, and the index is
+    /// the number of the current loop. If `leave` is `true`, the invocation also leaves the loop.
     pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
