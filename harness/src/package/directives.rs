@@ -1,8 +1,9 @@
 //! Reads lines that begin with `#`: `naga_oil`'s modules, and files that include other files.
 //!
 //! A directive isn't WGSL. Karat replaces most directives, and the text under false conditions, by blanks. An
-//! `#import` becomes an import statement of the same length. So each token keeps its position in the author's file. Karat doesn't use `naga_oil`
-//! itself, because `naga_oil` composes naga's IR, renames declarations and loses the author's lines.
+//! `#import` becomes an import statement of the same length. So each token keeps its position in the author's file.
+//! Karat doesn't use `naga_oil` itself, because `naga_oil` composes naga's IR, renames declarations and loses the
+//! author's lines.
 //!
 //! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`,
 //!   `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C.

@@ -1,9 +1,9 @@
 //! Computes fingerprints of declarations without linking. A declaration keeps its fingerprint if an edit changes
 //! only comments and blanks in the declaration and in everything that the declaration needs.
 //!
-//! After each edit, Karat compares the fingerprints of all tests, to find the tests that must run again. Linking a hundred tests would take a hundred times as
-//! long as linking the changed test. So Karat hashes each declaration once, and hashes the declaration again only after
-//! its module changed.
+//! After each edit, Karat compares the fingerprints of all tests, to find the tests that must run again.
+//! To link a hundred tests for this would take a hundred times as long as to link the changed test. So Karat hashes
+//! each declaration once, and hashes the declaration again only after its module changed.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
