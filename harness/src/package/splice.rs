@@ -94,8 +94,8 @@ impl Spliced {
         Some(Span { file: Arc::clone(&piece.file), range: start..end })
     }
 
-    /// Checks that undoing the edits gives the author's bytes. Also checks that each edit only replaces a whole
-    /// name, a `#{NAME}`, a `discard` or a call's `(`, or blanks text, and that only line ends separate the copied ranges.
+    /// Checks that undoing the edits gives the author's bytes. Also checks that each edit only blanks text, or replaces
+    /// a whole name, a `#{NAME}`, a `discard` or a call's `(`, and that only line ends separate the copied ranges.
     ///
     /// # Errors
     /// If the check fails. Then the linker has a bug, and the linked text isn't the author's program.
