@@ -119,7 +119,7 @@ impl Shown {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) census: Census,
-    /// The case with the largest ratio. If several cases have this ratio, the first of these cases.
+    /// The case with the largest ratio. If several cases have the same ratio, the first one counts.
     pub(crate) worst: Option<Shown>,
     /// The failing case with the lowest index. Low indices belong to edges, which are the simplest cases.
     pub(crate) first: Option<Shown>,
@@ -194,7 +194,7 @@ fn either(
     }
 }
 
-/// The number of cases that one task judges. To judge this many cases takes longer than to start the task.
+/// The number of cases that one task judges. A task of this size takes longer to run than to start.
 const TASK: usize = 2048;
 
 /// The text that a message shows instead of the result of a failing case.
@@ -214,7 +214,7 @@ pub(crate) trait Judge: Sync {
         false
     }
 
-    /// Describes a failing case in words for people, if the result is a code, such as the result of a test in WGSL.
+    /// Translates a failing case's result into text, if the result is a code, such as the result of a test in WGSL.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None

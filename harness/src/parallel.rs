@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
-/// The number of rows that one task makes. To make this many rows takes longer than to start the task.
+/// The number of rows that one task makes. A task of this size takes longer to run than to start.
 const TASK: usize = 2048;
 
 /// Runs tasks, and returns their results in the order of their indices.
@@ -17,8 +17,8 @@ pub(crate) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync
     slots.into_iter().map(|slot| slot.into_inner().expect("each task has run")).collect()
 }
 
-/// Runs tasks on this thread and on other cores. This thread works, too. If this thread only waited while each core has
-/// a working thread, the system would often run two of those threads on one core, and leave another core idle.
+/// Runs tasks on this thread and on threads of the other cores. If this thread only waited for one thread on each core,
+/// the system would often run two of those threads on one core, and leave another core idle.
 fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {
@@ -99,7 +99,7 @@ mod tests {
         assert!(without(5 * TASK).is_some());
     }
 
-    /// If a reference panics on any thread, the test that called it fails.
+    /// If a reference panics on any thread, the test that uses the reference fails.
     #[test]
     fn a_panic_of_any_task_reaches_the_caller() {
         for bad in [0, 50, 99] {

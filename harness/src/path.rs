@@ -154,7 +154,7 @@ pub enum PathError {
     Route {
         /// The path.
         path: Path,
-        /// The message of naga, of the next compiler, or of the engine.
+        /// The message of naga, of a compiler that reads naga's output, or of the engine.
         message: String,
     },
     /// The driver doesn't compile the shader, or can't make a pipeline from it.

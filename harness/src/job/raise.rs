@@ -16,7 +16,7 @@ type Dispatch<'b> = &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, Dispatch
 
 type Draw<'b> = &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>;
 
-/// The reason why a job can't reply with [`Reply::Done`].
+/// The reason why the reply to a job isn't [`Reply::Done`].
 enum Unraised {
     Dispatch(DispatchError),
     Draw(DrawError),

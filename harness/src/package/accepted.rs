@@ -7,12 +7,12 @@ use serde::Deserialize;
 
 use super::inputs::Declaration;
 
-/// The declarations for the search for hazards.
+/// The tables of `karat.toml` that `karat hazards` uses.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hazards {
     /// The entries of `[inputs]`, by name.
     pub inputs: BTreeMap<String, Declaration>,
-    /// Values of overrides, by the overrides' names. Karat sets a value in each function that uses the override.
+    /// The values of WGSL's `override`s, by name. Each function that uses the `override` gets its value.
     pub overrides: BTreeMap<String, f64>,
     /// The entries of `[[hazard]]`.
     pub accepted: Vec<AcceptedHazard>,
@@ -40,7 +40,7 @@ pub struct AcceptedMutants {
     pub reason: String,
 }
 
-/// An entry of `karat.toml` with rows of the translation matrix that are known not to reach a status.
+/// An entry of `[[matrix]]` in `karat.toml`: known failures of functions (rows) in the table of `karat matrix`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownRows {

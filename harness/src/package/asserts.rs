@@ -12,8 +12,8 @@ use crate::diagnostic::{SourceFile, Span, Value, nearest};
 pub(crate) const ASSERTED: &str = "karat_assert_";
 pub(crate) const PRINTED: &str = "karat_print_";
 
-/// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The variable makes the
-/// expression's value a separate operation.
+/// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The `let` reads
+/// this variable, so even the value of a bare name, such as `x`, is stored and loaded as an operation of its own.
 pub(crate) const HOLDER: &str = "karat_value_";
 
 /// The first text in a comment with an assertion or a print.

@@ -22,7 +22,7 @@ use metadata::Metadata;
 /// The version of the data that Karat stores. Increase the version if the form or the meaning of the data changes.
 const SCHEMA: u32 = 3;
 
-/// The deepest nesting of folders that Karat searches. The folders of real crates are less deep.
+/// The deepest level of nested folders in which Karat searches for shaders. Real crates nest less deeply.
 const DEEPEST: usize = 16;
 
 /// The name of the temporary project for which cargo resolves the version of a crate.

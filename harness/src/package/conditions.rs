@@ -1,8 +1,8 @@
 //! WESL's conditional translation: `@if(feature)`, `@elif(..)`, `@else`.
 //!
 //! A condition stands before an import, a directive, a declaration, a group of declarations in braces, a member, a
-//! parameter, a statement, a group of statements in braces, or a case. If the condition is true, Karat removes only the
-//! condition from the text. If the condition is false, Karat also removes the item after the condition.
+//! parameter, a statement, a group of statements in braces, or a `case`. If the condition is true, Karat removes only
+//! the condition from the text. If the condition is false, Karat also removes the item after the condition.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

@@ -1,8 +1,9 @@
 //! Reads lines that begin with `#`: `naga_oil`'s modules, and files that include other files.
 //!
-//! A directive isn't WGSL. Karat blanks the text that a directive removes. Karat turns an `#import` into an import
-//! statement of the same length. So each token keeps its position in the author's file. Karat doesn't use `naga_oil`
-//! itself, because `naga_oil` composes naga's IR, renames declarations and loses the author's lines.
+//! A directive isn't WGSL. Karat replaces most directives, and the text under false conditions, by blanks. An
+//! `#import` becomes an import statement of the same length. So each token keeps its position in the author's file.
+//! Karat doesn't use `naga_oil` itself, because `naga_oil` composes naga's IR, renames declarations and loses the
+//! author's lines.
 //!
 //! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`,
 //!   `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C.
@@ -36,7 +37,7 @@ pub(super) struct Directed {
     /// The text with blanks in place of directives. The remaining text keeps its positions.
     pub(super) text: String,
     pub(super) removed: Vec<Range<usize>>,
-    /// The ranges of values such as `#{A}`, with the values' texts.
+    /// The range of each placeholder, such as `#{A}`, with the value that replaces it.
     pub(super) replaced: Vec<(Range<usize>, String)>,
     pub(super) inactive: Vec<Inactive>,
     /// The files that this file includes, each with the range of the directive that names the file.
@@ -190,15 +191,15 @@ impl Reader<'_> {
         self.done = end;
     }
 
-    /// Checks if the word after a `#` names a value of `naga_oil`: the word is in capitals, isn't the first word of its
-    /// line, and is in a module with directives of `naga_oil`.
+    /// Checks if `naga_oil` would replace `#NAME` by a value: `NAME` is in capitals, `#NAME` doesn't begin a line, and
+    /// the module has directives of `naga_oil`.
     fn is_oil(&self, word: &str, first: bool) -> bool {
         let text = self.text();
         let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
         !first && is_composed && ahead::is_named(word)
     }
 
-    /// Reads the directive or value that begins with a `#`.
+    /// Reads the directive or the placeholder at a `#`: `#ifdef A`, `#{A}`.
     fn mark(&mut self, at: usize) -> Result<(), PackageError> {
         let text = Arc::clone(self.file);
         let text = &text.text;

@@ -1,10 +1,10 @@
 //! Makes functions with `discard` callable.
 //!
-//! A test may also expect that a function discards its pixel. After `discard`, an invocation goes on as a helper,
-//! and the GPU drops its results (WGSL, *Discard Statement*). So Karat replaces the statement `discard` by an
-//! assignment to a flag. A generated function calls the author's function, and returns its result and the flag. But
-//! helpers don't write to memory. So a function that writes to memory keeps its `discard`, and Karat calls such a
-//! function in a draw instead of a dispatch.
+//! A test may expect that a function discards its pixel. After `discard`, an invocation goes on as a helper, and
+//! the GPU drops its results (WGSL, *Discard Statement*). So Karat replaces the statement `discard` by an assignment
+//! to a flag. A generated function calls the author's function, and returns its result and the flag. The GPU also
+//! drops a helper's writes to memory, which a flag can't imitate. So a function that writes to memory keeps its
+//! `discard`, and Karat calls such a function in a draw instead of a dispatch.
 
 use super::lexer::lex;
 use super::splice::{DISCARDED, Edit};

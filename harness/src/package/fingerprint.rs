@@ -1,9 +1,9 @@
-//! Computes fingerprints of declarations without linking. If a declaration and everything that it needs don't change,
-//! the linked program changes only in comments, blanks and names from the linker.
+//! Computes fingerprints of declarations without linking. A declaration keeps its fingerprint if an edit changes
+//! only comments and blanks in the declaration and in everything that the declaration needs.
 //!
-//! After each edit, Karat compares the fingerprints of all tests. Linking a hundred tests would take a hundred times as
-//! long as linking the changed test. So Karat hashes each declaration once, and hashes the declaration again only after
-//! its module changed.
+//! After each edit, Karat compares the fingerprints of all tests, to find the tests that must run again.
+//! To link a hundred tests for this would take a hundred times as long as to link the changed test. So Karat hashes
+//! each declaration once, and hashes the declaration again only after its module changed.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
@@ -79,8 +79,8 @@ fn may_have_tests(error: &Diagnostic) -> bool {
 
 #[derive(Default)]
 struct Known {
-    /// The modules whose imports Karat has checked, with the imports of all modules that they import directly or
-    /// through others.
+    /// The modules whose imports Karat has checked. Karat has also checked all modules that these modules import,
+    /// directly or through others.
     imports: BTreeSet<ModulePath>,
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,

@@ -113,6 +113,6 @@ pub struct LeftOut {
     pub name: String,
     /// The condition in the author's text: `@if(fast)`.
     pub condition: String,
-    /// The location of the condition.
+    /// The location of the condition; for an `#ifdef`, the location of the test's `fn`.
     pub span: Span,
 }

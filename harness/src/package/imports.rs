@@ -1,8 +1,8 @@
 //! Resolves import statements and paths to declarations.
 //!
 //! Before Karat links a module, it follows every import of the module, and of all modules that the module imports
-//! directly or through others. So an error appears at the import statement. In contrast, `naga_oil` resolves an
-//! import only where a module uses its name.
+//! directly or through others. So Karat reports a wrong import at the import statement, even if nothing uses the
+//! import. In contrast, `naga_oil` resolves an import only where a module uses the imported name.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -56,7 +56,7 @@ pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageE
     check_more(library, root, &mut BTreeSet::new())
 }
 
-/// Follows each import of `root`. Skips the modules in `good`, which have no errors.
+/// Like [`check`], but skips the modules in `good`, whose imports are correct. Adds the checked modules to `good`.
 pub(super) fn check_more(
     library: &Library,
     root: &ModulePath,
@@ -203,8 +203,8 @@ enum Problem {
     Item { module: ModulePath, nearest: Option<String>, condition: Option<String> },
 }
 
-/// The declaration or module to which a module's import refers. The imported module may import the name from another
-/// module.
+/// The declaration or module to which a module's import refers. If the imported module itself imports
+/// the name from another module, the search continues in that module.
 pub(super) fn follow(
     library: &Library,
     path: &ModulePath,
@@ -241,8 +241,7 @@ fn led(
     }
 }
 
-/// The declaration or module to which a module's own import of a name refers; `None` if the module declares the name
-/// itself.
+/// The target of the import by which the module `path` knows `name`; `None` if the module declares `name` itself.
 fn declared_or_imported(
     library: &Library,
     path: &ModulePath,
@@ -264,7 +263,7 @@ fn declared_or_imported(
     })
 }
 
-/// The module or the item that a path names in the module `from`.
+/// The module or the declaration to which a path in the module `from` refers.
 fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Target, PackageError> {
     // The paths that modules declare for themselves don't begin with a package.
     if library.module(from)?.composes && !matches!(&*words[0], "package" | "super") {
@@ -310,7 +309,7 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
     }
 }
 
-/// The declaration to which a path with colons in an expression refers.
+/// The declaration to which a path in code refers, such as `math::PI`.
 pub(super) fn resolve_path(
     library: &Library,
     path: &ModulePath,

@@ -10,7 +10,7 @@ pub(crate) struct LetStatement {
     /// The offset after the statement's semicolon; `None` if the `let` is in the head of a `for`, where no statement
     /// can follow.
     pub(crate) end: Option<usize>,
-    /// `true` if the `let` is in a loop, and so has one value in each round of the loop.
+    /// `true` if the `let` is in a loop, and so has one value in each iteration.
     pub(crate) repeats: bool,
 }
 

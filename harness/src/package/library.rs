@@ -41,7 +41,7 @@ impl ModulePath {
 }
 
 /// The packages and modules for linking one package. Karat reads a module at its first use. The package with the
-/// index 0 is the linked package. The others are the packages that it imports from, directly or through others.
+/// index 0 is the linked package. The linked package imports from all others, directly or through other packages.
 pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
     /// The `karat.toml` of each package from which Karat has used a module, by the package's index.

@@ -36,8 +36,8 @@ pub(super) struct Linker<'a> {
     /// The declarations to which each declaration refers. The keys are only the declarations that the linker has
     /// resolved so far.
     resolved: BTreeMap<Item, Vec<Item>>,
-    /// The names that linked declarations and kernels use as WGSL's builtin names. No linked declaration may have
-    /// such a name.
+    /// WGSL's own names, such as `max`, that linked declarations and kernels use. No linked declaration may have such
+    /// a name.
     pub(super) free: BTreeSet<String>,
     /// The modules that `root` includes. These modules share a namespace with `root`.
     included: Vec<ModulePath>,
@@ -130,7 +130,7 @@ impl<'a> Linker<'a> {
         Ok(items)
     }
 
-    /// Hashes a linked declaration without the declarations to which it refers.
+    /// Hashes a declaration's text, and the paths (but not the texts) of the declarations to which it refers.
     pub(super) fn describe(&self, (path, index): &Item, hasher: &mut Hasher) {
         let module = &self.parts[path].module;
         let declaration = &module.declarations[*index];
@@ -167,7 +167,7 @@ impl<'a> Linker<'a> {
         (!module.directives.is_empty()).then(|| hasher.finalize())
     }
 
-    /// The declarations to which a declaration refers, and the assertions of its module.
+    /// The declarations to which a declaration refers, and the `const_assert`s of its module.
     pub(super) fn needs(&mut self, (path, index): &Item) -> Result<Vec<Item>, PackageError> {
         self.add(path)?;
         let mut needs = self.resolve(path, *index)?;
@@ -175,7 +175,7 @@ impl<'a> Linker<'a> {
         Ok(needs)
     }
 
-    /// A module's assertions. If Karat links any part of the module, these assertions must be true.
+    /// A module's `const_assert`s. They must be true if Karat links any part of the module.
     fn assertions(&self, path: &ModulePath) -> impl Iterator<Item = Item> + use<'_, 'a> {
         let declarations = self.parts[path].module.declarations.iter().enumerate();
         let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);

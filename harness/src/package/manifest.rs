@@ -243,7 +243,7 @@ impl Declared {
         Ok(())
     }
 
-    /// Returns an error if a name remains. No module has this name, so the entry in `karat.toml` has no effect.
+    /// Returns an error if no module has one of the names, because its entry in `karat.toml` would have no effect.
     pub(crate) fn conclude(self) -> Result<(), PackageError> {
         // All functions of a module, and of the modules below it.
         let is_of = |all: &str, own: &String| all.ends_with("::") && own.starts_with(all);

@@ -1,7 +1,7 @@
 //! Copies text from the author's files, and records each change.
 //!
-//! There are two kinds of changes: a replaced name, and blanked text, which keeps its line ends. So each position in
-//! the text maps back to one position in a file, and undoing the changes must give the author's bytes.
+//! A change replaces one token, such as a name or `discard`, or blanks a text but keeps its line ends. So each position
+//! in the text maps back to one position in a file, and undoing the changes must give the author's bytes.
 //! [`Spliced::check`] checks this in each run, without the linker's lexer.
 
 use std::ops::Range;
@@ -94,8 +94,8 @@ impl Spliced {
         Some(Span { file: Arc::clone(&piece.file), range: start..end })
     }
 
-    /// Checks that undoing the edits gives the author's bytes. Also checks that each edit replaces one whole name or
-    /// blanks text, and that only line ends are between the copied ranges.
+    /// Checks that undoing the edits gives the author's bytes. Also checks that each edit only blanks text, or replaces
+    /// a whole name, a `#{NAME}`, a `discard` or a call's `(`, and that only line ends separate the copied ranges.
     ///
     /// # Errors
     /// If the check fails. Then the linker has a bug, and the linked text isn't the author's program.
@@ -228,7 +228,7 @@ fn is_apart(text: &str, range: &Range<usize>) -> bool {
     ![before, after].into_iter().flatten().any(belongs)
 }
 
-/// Checks if a character may be in a name: a letter, a digit, or a mark beyond ASCII.
+/// Checks if a character may be in a name: a letter, a digit, `_`, or a character beyond ASCII that isn't a blank.
 fn belongs(character: char) -> bool {
     let mark = !character.is_ascii() && !character.is_whitespace();
     character == '_' || character.is_alphanumeric() || mark

@@ -1,7 +1,7 @@
 //! Finds the declarations of a module by its tokens, without parsing expressions.
 //!
-//! This code finds the range and the name of each declaration of a well-formed module. naga reports the syntax
-//! errors of other modules.
+//! This code finds the range and the name of each declaration of a well-formed module. If a module
+//! isn't well formed, naga reports the syntax errors.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;

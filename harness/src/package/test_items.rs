@@ -268,7 +268,7 @@ fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String,
     Some(found)
 }
 
-/// Checks if a word is a type or a type constructor that needs no language extension.
+/// Checks if a word may be in the type of a test's parameter: `array`, or a scalar (not `f16`), vector or matrix.
 fn is_builtin_type(word: &str) -> bool {
     let size = |text: &str| matches!(text, "2" | "3" | "4");
     let is_vector =

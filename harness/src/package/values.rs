@@ -59,7 +59,7 @@ pub(super) fn used<'v>(text: &str, values: &'v Values) -> BTreeSet<&'v str> {
     places(text, &lex(text), values).into_iter().map(|(_, name)| name).collect()
 }
 
-/// The ranges to replace in a text, each with the name of its value.
+/// The ranges to replace in a text, each with its name in `[values]`.
 fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<usize>, &'v str)> {
     let of = |at: usize| &text[tokens[at].range()];
     let is = |at: Option<usize>, symbol: &str| {
@@ -168,7 +168,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// Checks if a name is outside of all parentheses: then it is a member or in a `case`, and not a parameter.
+/// Checks if a name with a colon isn't a parameter: a parameter is in parentheses, a member or a `case` isn't.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {

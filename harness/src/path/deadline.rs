@@ -1,7 +1,7 @@
 //! Limits the time that a shader may take.
 //!
-//! The caller can't handle a time-out as an error. Some drivers run a shader inside the call that submits the shader,
-//! and a hung queue can't be shut down. So the process reports the work that hangs, and ends.
+//! Karat can't return a time-out as an error, because some drivers run a shader inside the call that submits the
+//! shader, and because a hung queue can't be shut down. So the process reports the work that hangs, and ends.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -28,7 +28,7 @@ impl Drop for Guard {
     }
 }
 
-/// An event in the time between the start of a guarded call and its end.
+/// An event of guarded work: its start, its end, or a missed deadline.
 pub enum Moment<'a> {
     /// The work begins.
     Begins,

@@ -43,7 +43,7 @@ pub struct Device {
 
 pub(crate) struct Pipeline {
     pub(crate) pipeline: wgpu::ComputePipeline,
-    /// The SPIR-V of the pipeline, if another compiler than wgpu made it.
+    /// The SPIR-V of the pipeline, if a compiler other than naga made the SPIR-V.
     foreign: Option<Box<Foreign>>,
 }
 
@@ -54,7 +54,7 @@ impl std::fmt::Debug for Pipeline {
 }
 
 impl Pipeline {
-    /// Checks if another compiler than wgpu made the pipeline's SPIR-V.
+    /// Checks if a compiler other than naga made the pipeline's SPIR-V.
     pub(crate) fn is_foreign(&self) -> bool {
         self.foreign.is_some()
     }

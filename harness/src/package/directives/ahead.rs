@@ -25,9 +25,9 @@ pub(in crate::package) fn path(text: &str) -> Option<String> {
     Some(path.trim_end_matches(';').trim_end().to_owned())
 }
 
-/// The names that a text defines anywhere. `naga_oil` reads these definitions first, and only in the linked module.
-/// Definitions in [guards](guards) aren't included, nor are definitions with an unreadable value. Karat reports such
-/// a value later, when Karat reads the module.
+/// The names that a text defines anywhere. `naga_oil` reads these definitions first, and only in the linked module,
+/// not in imported modules. The list leaves out [guards](guards), and definitions with an unreadable value, which
+/// Karat reports when it reads the module.
 pub(in crate::package) fn defined(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| !is_guard).filter_map(valued).collect()
 }
@@ -65,7 +65,7 @@ fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
     })
 }
 
-/// Checks if `naga_oil` also replaces this name after a `#` without braces. The name must be in capitals.
+/// Checks if `naga_oil` replaces `#NAME` like `#{NAME}`: the name must be in capitals.
 pub(super) fn is_named(word: &str) -> bool {
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
     word.len() > 1 && word.chars().all(is_capital)

@@ -25,7 +25,7 @@ pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     pair.or_else(|| one_brace(text, tokens))
 }
 
-/// Checks if a text has characters of a placeholder, in a comment or elsewhere.
+/// Checks quickly if a text may have a placeholder, such as `{name}`. A placeholder in a comment counts, too.
 pub(super) fn may_be_template(text: &str) -> bool {
     let is_part = |c: char| c == '_' || c.is_alphanumeric();
     text.split('{').skip(1).any(|after| {
