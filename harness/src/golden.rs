@@ -125,7 +125,7 @@ impl Rendered<'_> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GoldenError {
-    /// The name isn't one or more path components joined by `/`.
+    /// The name is empty, has two `/` in a row, begins or ends with `/`, or has a character that isn't allowed.
     #[error("`{0}` can't name a golden: use letters, digits, `-`, `_` and `/`")]
     Name(String),
     /// There is no golden yet.
@@ -138,7 +138,7 @@ pub enum GoldenError {
         case: String,
         /// The file of the rendered frame.
         pending: String,
-        /// Further arguments that `karat accept` needs: `--any-adapter`.
+        /// Further arguments that `karat accept` needs, such as `--any-adapter`.
         arguments: String,
     },
     /// The golden can't be read. Karat doesn't overwrite it.
@@ -208,7 +208,7 @@ pub enum GoldenError {
 }
 
 impl GoldenError {
-    /// Adds a command to the message: `karat trace` with the worst pixel, or the first pixel with NaN or infinity.
+    /// Adds the command `karat trace` to the message, for the worst pixel, or for the first pixel with NaN or infinity.
     pub(crate) fn point_at_worst(&mut self) {
         let Self::Differs { case, difference, advice, .. } = self else { return };
         let (what, at) = match &**difference {
@@ -227,7 +227,8 @@ impl GoldenError {
 }
 
 impl Goldens {
-    /// Goldens in a folder relative to `base`. [`goldens!`](crate::goldens) passes the folder of the manifest.
+    /// Goldens in a folder relative to `base`. [`goldens!`](crate::goldens) passes the folder of the crate's manifest
+    /// as `base`.
     ///
     /// ```
     /// use karat::Goldens;
@@ -322,8 +323,8 @@ impl Goldens {
         }
     }
 
-    /// Compares an image that another program drew with a golden, within the default tolerance of frames. If the
-    /// image differs, or has no golden yet, Karat writes it as a pending frame.
+    /// Compares an image from another program with a golden. The default tolerance of frames applies. If the image
+    /// differs from the golden, or there is no golden yet, Karat writes the image as a pending frame.
     ///
     /// ```no_run
     /// use karat::unstable::path::Adapter;
@@ -508,8 +509,8 @@ struct Loaded {
 }
 
 impl Loaded {
-    /// Compares a frame with its golden. A frame without a golden is compared with itself, which finds NaN and
-    /// infinities.
+    /// Compares a frame with its golden. If there is no golden, compares the frame with itself, because this comparison
+    /// fails for NaN and infinities.
     fn compare(&self, frame: &Rendered<'_>) -> Result<FrameMargin, FrameDifference> {
         match &self.golden {
             Some(golden) => golden.compare(frame),

@@ -486,7 +486,8 @@ pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     })
 }
 
-/// For each word that `run` returns, `true` if the word changes with the effect of reads and writes outside of arrays.
+/// Calls `run` several times, with different effects of reads and writes outside of arrays. For each word of the
+/// results, returns `true` if the word differs between the calls.
 fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(Choice::default())?;
     let mut differs = vec![false; usual.len()];
@@ -558,9 +559,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if nested loops reached the limit of iterations only together, so that each of them may end: the stopped loop
-/// ran fewer than 1/16 of the counted iterations. Karat still finds an endless loop, if each of its iterations has at
-/// most 15 iterations of inner loops.
+/// Checks if each of the nested loops that the engine stopped ran fewer than 1/16 of all counted iterations. Then these
+/// loops may still end: the limit counts nested loops together. Karat still finds an endless loop if each of its
+/// iterations runs at most 15 iterations of inner loops.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

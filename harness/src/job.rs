@@ -68,8 +68,8 @@ pub struct Job {
 pub enum Work {
     /// Compute passes, one after another, over the same resources.
     Passes(Vec<Pass>),
-    /// A frame. The first output is the frame's image, from the top row on. Each pixel has four linear floats,
-    /// as words.
+    /// A frame. The only output is the frame's image, with the top row first. Each pixel is four linear floats, as
+    /// words.
     Frame(Box<Frame>),
 }
 
@@ -106,7 +106,7 @@ pub struct Pass {
     pub shader: Shader,
     /// The name of the compute entry point.
     pub entry_point: String,
-    /// The resources that the function uses.
+    /// The resources that the entry point uses.
     pub bindings: Vec<Bound>,
     /// The number of workgroups in each direction.
     pub workgroups: [u32; 3],
@@ -126,7 +126,7 @@ pub struct Bound {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Resource {
-    /// A buffer, in the layout of its variable.
+    /// A buffer, in the memory layout of its WGSL variable.
     Buffer {
         /// The buffer's 32-bit words. As an output, the buffer has the same number of words.
         #[serde(with = "words")]

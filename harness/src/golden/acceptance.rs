@@ -30,8 +30,8 @@ pub struct Acceptance {
     pub by: Option<String>,
     /// Allows a frame from an adapter other than lavapipe.
     pub any_adapter: bool,
-    /// The profile for which the frame becomes its own golden. The frame must come from this profile, and must
-    /// fail with the golden for all profiles. `None` makes the frame the golden for all profiles.
+    /// The profile that gets the frame as its own golden. The frame must come from this profile, and must fail with the
+    /// golden for all profiles. `None` makes the frame the golden for all profiles.
     pub profile: Option<String>,
     /// Allows writing a golden although `CI` is set. Otherwise Karat writes no golden in CI.
     pub ci_may_write: bool,
@@ -56,7 +56,7 @@ pub enum AcceptError {
     #[error("`{case}` isn't pending{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NotPending {
-        /// The name in the command.
+        /// The name that you gave, for example to `karat accept`.
         case: String,
         /// The pending frame with the most similar name.
         nearest: Option<String>,
@@ -70,7 +70,7 @@ pub enum AcceptError {
          machine, with --from and the downloaded artefact of this run, or pass --ci-may-write"
     )]
     InCi(String),
-    /// Another adapter than lavapipe rendered the frame. Goldens come from lavapipe.
+    /// An adapter other than lavapipe rendered the frame. Goldens come from lavapipe.
     #[error(
         "`{case}` was rendered on {adapter}; goldens are made on lavapipe (path vulkan), so that \
          any machine can check them: render the frame on lavapipe, or pass --any-adapter"
@@ -81,7 +81,7 @@ pub enum AcceptError {
         /// The adapter that rendered the frame.
         adapter: String,
     },
-    /// The frame has NaN or infinite pixels. As a golden, it would equal no frame.
+    /// The frame has NaN or infinite pixels. No frame could agree with such a golden.
     #[error(
         "`{0}` has NaN or infinite pixels, and no frame could agree with such a golden: fix the shader"
     )]
@@ -123,10 +123,10 @@ pub enum AcceptError {
     Elsewhere {
         /// The golden's name.
         case: String,
-        /// The folder, from the project's root.
+        /// The folder to which the frame belongs, as a path from the project's root.
         folder: String,
     },
-    /// The frame's metadata names a folder of goldens that this project can't have.
+    /// The frame's metadata names a folder that isn't in this project.
     #[error(
         "the file of `{case}` says that its goldens are in `{folder}`, which isn't a folder of this project: name the \
          folder with --goldens DIR"
@@ -222,8 +222,8 @@ impl Goldens {
     /// - If the acceptance gives no reason.
     /// - If `CI` is set and [`ci_may_write`](Acceptance::ci_may_write) is false.
     /// - If the golden changed after the comparison of the frame.
-    /// - If another adapter than lavapipe rendered the frame, and the acceptance doesn't allow other adapters.
-    /// - If a profile doesn't need its own golden.
+    /// - If an adapter other than lavapipe rendered the frame, and the acceptance doesn't allow other adapters.
+    /// - If the acceptance names a profile that doesn't need its own golden.
     /// - If the file is too large or can't be written.
     ///
     /// After an error, the golden is unchanged.
@@ -306,8 +306,8 @@ impl Goldens {
     }
 
     /// Fails if the golden has changed since Karat compared the frame with the golden. `written` is the file that
-    /// accepting will write. Also fails if `written` is the profile's own golden, and somebody created this file after
-    /// the comparison.
+    /// accepting will write. Also fails if `written` is the profile's own golden, and this file was created after the
+    /// comparison.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());
@@ -333,8 +333,8 @@ impl Goldens {
         }
     }
 
-    /// Returns the path for a golden of the profile `asked` alone. Fails if the frame comes from another profile, or
-    /// passes with the golden for all profiles.
+    /// Returns the path of the golden that only the profile `asked` uses. Fails if the frame comes from another
+    /// profile, or passes with the golden for all profiles.
     fn needed(&self, pending: &Pending, asked: &str) -> Result<PathBuf, AcceptError> {
         let (case, known) = (pending.case.clone(), &pending.provenance);
         let profile = pending.profile();

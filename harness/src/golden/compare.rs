@@ -19,7 +19,7 @@ pub struct FrameMargin {
     pub pixels: u64,
     /// Number of pixels in the frame.
     pub frame_pixels: u64,
-    /// The criterion that the frame passes.
+    /// The criterion by which the frame passes.
     pub decided_by: FrameCriterion,
     /// The measured value of `decided_by`, divided by the bound of this criterion.
     pub ratio: f64,
@@ -132,13 +132,13 @@ pub struct Deviation {
     pub worst: Option<WorstPixel>,
     /// The gate of the tolerance.
     pub gate: Gate,
-    /// Percentage of pixels that exceed 1, 10, 100 and 1000 times the gate.
+    /// Four percentages: the pixels whose difference exceeds 1, 10, 100 and 1000 times the gate.
     pub sweep: [f32; 4],
     /// All measurements.
     pub margins: Vec<CriterionMargin>,
     /// The exposures that HDR-FLIP used.
     pub exposures: ExposureRange,
-    /// `true` if the golden pins the exposures.
+    /// `true` if the exposures come from the golden's file.
     pub pinned: bool,
 }
 
@@ -168,7 +168,7 @@ impl fmt::Display for FrameDifference {
 pub(super) struct Terms<'a> {
     pub(super) tolerance: &'a FrameTolerance,
     pub(super) mask: Option<&'a Mask>,
-    /// The exposures that are pinned in the golden.
+    /// The exposures that the golden's file stores.
     pub(super) exposures: Option<ExposureRange>,
     /// For noisy frames: the golden's variance, if the golden has one, and the frame's variance.
     pub(super) noise: Option<(Option<&'a Image>, &'a Image)>,
@@ -227,7 +227,8 @@ impl FrameTolerance {
     }
 }
 
-/// Measures the noise-corrected difference: how far the two images differ beyond their noise.
+/// Measures the noise-corrected difference: the part of the difference that the noise of the two images doesn't
+/// explain.
 fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> CriterionMargin {
     let measured = match golden {
         Some(golden) => Noise { golden, actual }.measure(pair),

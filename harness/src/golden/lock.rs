@@ -9,7 +9,7 @@ use crate::diagnostic::shown;
 use crate::image::ImageError;
 use crate::output::tell;
 
-/// Longest wait for another acceptance. Accepting a large frame takes a second.
+/// The longest time that Karat waits while another process accepts a frame. Accepting a large frame takes a second.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Time after which Karat tells the user that it waits for the lock.
 const SILENT: Duration = Duration::from_secs(1);

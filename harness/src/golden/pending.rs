@@ -287,8 +287,8 @@ fn ending(name: &str) -> Option<&'static str> {
 }
 
 /// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even if
-/// several links lead to the folder. The list has no frames that were rendered under an overlay, because you can't
-/// accept these frames.
+/// several links lead to the folder. Skips frames that were rendered under an overlay (see [`OVERLAID`]), because you
+/// can't accept these frames.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,

@@ -9,7 +9,8 @@ use crate::diagnostic::shown;
 use crate::image::remove_leftover;
 use crate::package::LinkedModule;
 
-/// The folder of frames that were rendered under an overlay. Because of the `@`, no golden can have the same name.
+/// The folder of frames that were rendered under an overlay. An overlay (`KARAT_OVERLAY`) is a folder of files that
+/// replace modules of the package. Because of the `@`, no golden can have the same name.
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
@@ -180,8 +181,8 @@ fn with_slashes(path: &Path) -> String {
     path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
-/// A folder's absolute path without links. The folder needn't exist: a package has no golden folder before its first
-/// golden.
+/// A folder's absolute path, in which each link is replaced by the folder to which the link leads. The folder needn't
+/// exist: a package has no golden folder before its first golden.
 fn resolved(folder: &Path) -> Option<PathBuf> {
     let folder = std::path::absolute(folder).ok()?;
     let whole = |above: &Path| {

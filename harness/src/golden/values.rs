@@ -23,7 +23,7 @@ pub(crate) struct Made<'a> {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ValuesError {
-    /// The name isn't one or more path components joined by `/`.
+    /// The name is empty, has two `/` in a row, begins or ends with `/`, or has a character that isn't allowed.
     #[error("`{0}` can't name a golden: use letters, digits, `-`, `_` and `/`")]
     Name(String),
     /// There is no golden yet.
@@ -70,7 +70,7 @@ pub enum ValuesError {
         case: String,
         /// The column.
         column: String,
-        /// The value in this column.
+        /// The value: NaN or infinity.
         value: f64,
         /// The row's number, from 1.
         row: usize,

@@ -104,7 +104,7 @@ impl Counted {
         }
     }
 
-    /// The position and the kind of the statement. They are equal in all runs of the same source text.
+    /// The position and the kind of the statement. Both are equal in all runs of the same source text.
     #[must_use]
     pub fn key(&self) -> (PathBuf, [usize; 2], usize, CountedKind) {
         (self.file.clone(), self.lines, self.column, self.kind)
@@ -222,8 +222,9 @@ fn counted(
     Some(one)
 }
 
-/// Merges all records of one source statement. naga's IR may have several statements for it, such as a value and its
-/// store: then the largest count stays. If a function is called at several places, the counts of these calls are added.
+/// Merges all records of one source statement. naga's IR may have several statements for one source statement, such as
+/// a value and its store. Of their counts, Karat keeps the largest. If a function is called at several places, the
+/// counts of these calls are added.
 fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
     let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
     for (call, one) in all {

@@ -1,4 +1,4 @@
-//! Measures which operations some inputs reach, and which branches they take.
+//! Measures which operations some inputs reach, and which branches these inputs take.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -76,8 +76,8 @@ struct Taken {
 /// For each site (operation) of a program, in order, the branches that cases took.
 struct AllTaken {
     all: Vec<Taken>,
-    /// The sites of `discard`. `discarded` has the cases that reached such a site. Their later operations count as not
-    /// reached, because no output depends on these operations.
+    /// The sites of `discard`. `discarded` has the cases that reached such a site. The later operations of these cases
+    /// count as not reached, because no output depends on these operations.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
 }
@@ -215,8 +215,8 @@ impl Coverage {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// The operations for which `is` returns `true`, and whose text then occurs more often in this version than in
-    /// `other`.
+    /// Compares only the operations for which `is` returns `true`. Returns those whose text occurs more often in this
+    /// version than in `other`.
     fn more_than<'r>(
         &'r self,
         other: &Self,

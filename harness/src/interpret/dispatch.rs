@@ -27,7 +27,7 @@ pub fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, Dispat
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
 }
 
-/// Returns the engine's options for a pass, by the pass's index.
+/// A function that returns the engine's options for a pass, by the pass's index.
 pub(super) type OfPass<'o> = &'o dyn Fn(usize) -> Options;
 
 pub(super) fn dispatched(

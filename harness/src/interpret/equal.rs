@@ -12,8 +12,8 @@ use crate::probe::Probed;
 use crate::value::Scalar;
 
 /// Checks if two functions are provably equal. The engine folds constants, merges operations that are equal by an
-/// identity, and removes unused operations. If both functions then have the same operations, they are equal. `false`
-/// proves nothing.
+/// identity (`x * 2` and `x + x`), and removes unused operations. If both functions then have the same operations, they
+/// are equal. `false` proves nothing.
 pub fn is_same(functions: [&Probed; 2]) -> bool {
     if functions.iter().any(|probed| probed.function().form.alone) {
         return false;

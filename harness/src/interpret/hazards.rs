@@ -50,7 +50,7 @@ pub struct Found {
     pub values: Option<(f32, f64)>,
     /// For NaN, infinity and lost digits, the operation's operands in `f32`; otherwise empty.
     pub operands: Vec<f32>,
-    /// If only one of two pixels takes a derivative, these two pixels.
+    /// The two pixels of a derivative that only one of them takes. Otherwise `None`.
     pub missing: Option<Missing>,
 }
 
@@ -61,7 +61,7 @@ pub struct Missing {
     pub reached: String,
     /// The name of the pixel that doesn't take the derivative.
     pub missing: String,
-    /// The condition or the jump at which the second pixel took another branch.
+    /// The condition or the jump at which the pixel `missing` took another branch.
     pub parted: Option<Span>,
 }
 
@@ -141,7 +141,7 @@ pub const LONG: u64 = 1 << 18;
 const MOST_ROUNDS: u64 = 65_536;
 
 /// The number of iterations after which the run with intervals stops, if the intervals don't decide whether a loop
-/// ends. Until then, the engine assumes in each iteration that the loop may end and may continue.
+/// ends. Until then, the engine assumes in each iteration both that the loop ends and that it continues.
 const UNDECIDED: u64 = 16;
 
 /// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41)
@@ -661,8 +661,8 @@ fn loses(event: &Event<f32>, twin: &Event<f64>, lane: usize) -> bool {
     loses_all(event, twin, lane, twin.values[lane].abs())
 }
 
-/// Checks if an operation loses more than half of its operands' digits. The loss doesn't count if `size` is below the
-/// rounding errors of the operands.
+/// Checks if an operation loses more than half of its operands' digits. The loss counts only if `size`, the magnitude
+/// of the operation's value or of the function's result, exceeds the rounding errors of the operands.
 fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> bool {
     let error = |x: f32, y: f64| (f64::from(x) - y).abs() / y.abs();
     let (value, shadow) = (event.values[lane], twin.values[lane]);

@@ -16,8 +16,9 @@ pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
-/// In some sampled orders, invocations may wait in loops for this number of turns before others run. In a turn, an
-/// invocation runs up to its next atomic. So a loop that retries at most a thousand times gives up.
+/// In the backward orders, invocations may wait in loops for this number of turns before a waiting invocation gets the
+/// lowest priority. In a turn, an invocation runs up to its next atomic. So a loop that gives up after at most a
+/// thousand retries reaches its limit.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations in several passes.
@@ -39,9 +40,9 @@ impl OrderOf {
         Self { of_pass: turns.into_iter().map(of).collect() }
     }
 
-    /// The sampled order `number`. The first orders run invocations one by one, backwards, in turn, and shuffled. In
-    /// later orders, one or two invocations of each pass wait for a long time before one of their atomics. In half of
-    /// these later orders, other invocations may see an atomic store late.
+    /// The sampled order `number`. The first three orders run invocations by number, backwards, and in turn. In later
+    /// orders (by number, backwards, or shuffled), one or two invocations of each pass that has atomics wait for a long
+    /// time before one of their atomics. In half of these later orders, other invocations may see an atomic store late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
@@ -233,7 +234,7 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
 
-/// The number of orders that a runner tried. `all` is `true` if all other orders would give the same results.
+/// The number of orders that a runner tried. `all` is `true` if no other order could give other results.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
     /// The number of tried orders, without the usual order.

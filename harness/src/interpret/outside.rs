@@ -13,8 +13,8 @@ use crate::dispatch::DispatchError;
 /// The largest number of times that Karat runs the passes to judge the reads of one pass.
 const MOST_RUNS: usize = 64;
 
-/// Values that a read may return, the most useful first. If there are few reads, Karat tries more of these values. In
-/// an array of kinds or flags, perhaps only one of the elements changes the result.
+/// Values that a read may return, the most useful first. Karat tries several, because in an array of kinds or flags,
+/// perhaps only one element changes the result. If there are few reads, Karat tries more of these values.
 const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Number(0),
     Elsewhere::Nth(0),
@@ -92,8 +92,8 @@ pub(super) fn matter(
     Ok(all)
 }
 
-/// The choices to try, one in each run: the value that all reads outside of arrays return. Writes outside of arrays
-/// then change nothing.
+/// The choices to try, one in each run: the value that all reads outside of arrays return. In each run, writes outside
+/// of arrays change nothing.
 pub(super) fn choices() -> impl Iterator<Item = Choice> {
     ANY.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
 }

@@ -16,8 +16,8 @@ const DRAWN: u64 = 16;
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
-/// The largest number of pairs of turns that the explorer compares in all runs together. This number is enough for
-/// 4,096 runs of 22 turns each.
+/// The largest number of pairs of turns that the explorer (which tries all orders) compares in all runs together. In a
+/// turn, an invocation runs up to its next atomic. This number is enough for 4,096 runs of 22 turns each.
 const MOST_WORK: u64 = 1 << 20;
 
 /// The runner tries all orders only if the estimated number of orders is at most 2 to the power of this number. The
@@ -25,7 +25,7 @@ const MOST_WORK: u64 = 1 << 20;
 const MOST_LIKELY: f64 = 24.0;
 
 /// After `MOST_TURNS` turns in all runs together, the runner samples no further order. In one order, at most
-/// `TURNS_OF_ONE` turns run. In a turn, an invocation runs up to its next atomic. A million turns take a second.
+/// `TURNS_OF_ONE` turns run. A million turns take a second.
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 

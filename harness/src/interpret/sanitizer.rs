@@ -27,9 +27,9 @@ const WHOLE: u64 = 1 << 16;
 /// the pass's name.
 const SOME: usize = 64;
 
-/// The engine's options for passes over generated resources. They limit the iterations of loops, because a loop may
-/// read its number of iterations from generated data. Useful numbers are some hundreds. A million iterations in all
-/// invocations together take seconds.
+/// The engine's options for passes over generated resources. These options limit the iterations of loops, because a
+/// loop may read its number of iterations from generated data. Useful loops run some hundreds of iterations. A million
+/// iterations in all invocations together take seconds.
 pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
@@ -525,8 +525,8 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     (Violation::new(&pass.name, Kind::Barrier, told, accesses.map(access).into()), diagnostic)
 }
 
-/// The violation for an index outside of an array. `others` isn't empty if the index changes the results only together
-/// with these other indices.
+/// The violation for an index outside of an array. `others` has the other indices, if only all indices together change
+/// the results.
 fn of_outside(
     examining: &Examining<'_>,
     one: &Outside,

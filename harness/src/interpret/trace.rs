@@ -345,8 +345,8 @@ impl Traced for Interpreted {
     }
 }
 
-/// The operations of a call, in the order in which they run. In a quad, only the operations of the pixel `case`.
-/// Returns the first `runs` runs of each operation, and `true` if an operation ran more often.
+/// The operations of a call, in the order in which they run. `case` selects the pixel of a quad, or the invocation of a
+/// pass. Returns the first `runs` runs of each operation, and `true` if an operation ran more often.
 fn steps(
     traced: &impl Traced,
     row: &[u32],
