@@ -84,8 +84,8 @@ pub enum Fate {
         /// is the test that came closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
-        /// `true` if each test that uses the mutated code shows the values that it compares. Then, if `hidden` is
-        /// `None`, no test saw a difference.
+        /// `true` if Karat knows the compared values of each test that uses the mutated code. Then a `hidden` of `None`
+        /// means that no test saw a difference.
         #[serde(skip)]
         seen: bool,
         /// The reason why the mutant lived.
@@ -96,7 +96,7 @@ pub enum Fate {
         /// The result of comparing the mutant with the original.
         why: Lived,
     },
-    /// The mutant is equivalent to the original, so no test can fail on it, and Karat ran none.
+    /// The mutant is equivalent to the original, so no test can fail on the mutant, and Karat ran no test.
     Equal {
         /// The proof that the mutant is equivalent.
         by: Equality,
@@ -149,7 +149,7 @@ pub struct Hunted {
     pub left_out: usize,
     /// The modules that are invalid in the original.
     pub invalid: Vec<String>,
-    /// A sentence for each mutant that `karat.toml` accepts, and that a test kills.
+    /// A complaint for each mutant that a test kills although `karat.toml` accepts the mutant.
     pub complaints: Vec<String>,
 }
 

@@ -509,7 +509,7 @@ impl<'a> Maker<'a> {
         self.replace(Rule::Swizzle, at, at, components.into_iter().collect());
     }
 
-    /// Replaces a guard with its argument, and exchanges arguments.
+    /// Replaces a guard with one of its arguments, and exchanges neighbouring arguments.
     fn call(&mut self, at: usize) {
         let Some((open, close)) = self.parentheses(at) else { return };
         self.order(at, close);

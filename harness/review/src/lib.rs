@@ -49,7 +49,7 @@ const MOST_VERSIONS: usize = 8;
 
 /// The data of a pending frame or table for the page.
 ///
-/// [`load`](Self::load) reads the data. You can add more maps.
+/// [`load`](Self::load) reads the data. You can add more images to `maps`.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// The name of the golden.
