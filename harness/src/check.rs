@@ -129,8 +129,8 @@ pub struct Probe<'a> {
     together: Option<Together<'a>>,
 }
 
-/// A generated function that calls one of several functions. The first argument selects the function. The other
-/// arguments are those of all these functions, one after the other.
+/// A generated function that calls one of several functions. The first argument selects the function. After it come the
+/// arguments of all these functions, function by function.
 #[derive(Clone, Debug)]
 struct Together<'a> {
     package: &'a Package,

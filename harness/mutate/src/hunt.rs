@@ -59,8 +59,7 @@ pub struct Tried {
 }
 
 impl Candidate {
-    /// The mutated function or constant: `brdf::schlick`. In a package of one file, the path is the name without a
-    /// module.
+    /// The mutated function or constant: `brdf::schlick`, or `schlick` in a package of one file.
     #[must_use]
     pub fn path(&self) -> String {
         path_of(&self.module, &self.mutant.item)
@@ -646,7 +645,7 @@ fn is_idle(original: &Package, mutant: &Package) -> bool {
     !known.is_empty() && known == mutant.fingerprints(&names)
 }
 
-/// The path of an item, such as `brdf::schlick`. In a package of one file, the path is the name without a module.
+/// The path of an item: `brdf::schlick`, or `schlick` in a package of one file.
 fn path_of(module: &str, item: &str) -> String {
     if module.is_empty() { item.to_owned() } else { format!("{module}::{item}") }
 }

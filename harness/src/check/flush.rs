@@ -7,8 +7,8 @@
 use crate::judge::Judged;
 use crate::value::Scalar;
 
-/// If a case has at most this many subnormal arguments, Karat tries every combination: at most 3^4 rows. If a case has
-/// more subnormal arguments, Karat flushes all of them together, or none of them.
+/// If a case has at most this many subnormal arguments, Karat tries every combination of unchanged arguments, 0 and -0:
+/// at most 3^4 rows. If a case has more subnormal arguments, Karat flushes all of them together, or none of them.
 const APART: usize = 4;
 
 /// The smallest normal `f16`, 2^-14.
