@@ -138,9 +138,9 @@ struct Together<'a> {
     function: &'a str,
     shapes: &'a [Shape],
     which: u32,
-    /// The index of the `u32` word at which the selected function's own arguments begin, and the number of
-    /// words of all arguments.
+    /// The index of the `u32` word at which the selected function's own arguments begin.
     first: usize,
+    /// The number of `u32` words of all arguments.
     words: usize,
 }
 

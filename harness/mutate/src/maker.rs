@@ -196,9 +196,10 @@ fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
 struct Maker<'a> {
     text: &'a str,
     tokens: Vec<Token<'a>>,
-    /// The index of each bracket's matching bracket.
+    /// For each token that is a bracket, the index of the matching bracket.
     partner: Vec<Option<usize>>,
-    /// `true` if the token belongs to an attribute or to a template argument list, including its brackets.
+    /// For each token, `true` if the token belongs to an attribute or to a template argument list, including its
+    /// brackets.
     types: Vec<bool>,
     item: String,
     found: Vec<Mutant>,

@@ -44,8 +44,8 @@ impl std::fmt::Debug for Condition {
 impl Condition {
     /// Reads a statement about these parameters.
     ///
-    /// # Errors Returns an error message if the text isn't an expression of type `bool`, or uses none of the
-    /// parameters.
+    /// # Errors
+    /// Returns an error message if the text isn't an expression of type `bool`, or uses none of the parameters.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
         let all = texts(text);
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {

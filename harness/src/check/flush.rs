@@ -1,8 +1,8 @@
 //! The flushing of subnormal arguments to 0, which WGSL allows.
 //!
 //! Each operation may flush a subnormal operand to 0 or -0, independently of the other operations (WGSL, section
-//! 15.7.2). So a result is right if it fits the given arguments. A result is also right if it fits arguments in which
-//! zeros replace some of the subnormals. This module doesn't handle subnormal intermediate values.
+//! 15.7.2). So a result is right if it passes the check for the given arguments, or for arguments in which zeros
+//! replace some of the subnormals. This module doesn't handle subnormal intermediate values.
 
 use crate::judge::Judged;
 use crate::value::Scalar;
