@@ -24,7 +24,7 @@ pub enum Rule {
     Number,
     /// A missing term or factor.
     Operand,
-    /// A call such as `max`, `abs` or `clamp`, replaced by its argument.
+    /// A call such as `max`, `abs` or `clamp`, replaced by one of its arguments.
     Guard,
     /// Two neighbouring arguments in the reverse order.
     Swap,
