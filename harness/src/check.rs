@@ -129,8 +129,8 @@ pub struct Probe<'a> {
     together: Option<Together<'a>>,
 }
 
-/// A generated function that calls one of several functions. The first argument selects the function. The other
-/// arguments are those of all these functions, one after the other.
+/// A generated function that calls one of several functions. The first argument selects the function. After it come the
+/// arguments of all these functions, function by function.
 #[derive(Clone, Debug)]
 struct Together<'a> {
     package: &'a Package,
@@ -138,9 +138,9 @@ struct Together<'a> {
     function: &'a str,
     shapes: &'a [Shape],
     which: u32,
-    /// The index of the `u32` word at which the selected function's own arguments begin, and the number of
-    /// words of all arguments.
+    /// The index of the `u32` word at which the selected function's own arguments begin.
     first: usize,
+    /// The number of `u32` words of all arguments.
     words: usize,
 }
 

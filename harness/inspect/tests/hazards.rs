@@ -23,8 +23,8 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {hazards:#?}")).clone()
 }
 
-/// The operation of a fault goes wrong in every sample of the free inputs. If at least one sample doesn't go wrong, the
-/// finding is a requirement. The finding's `needs` lists the inputs that can each prevent the error alone.
+/// If an operation goes wrong in every sample of the free inputs, the finding is a fault. If it works in at least one
+/// sample, the finding is a requirement, and `needs` lists each input whose value alone can prevent the error.
 // Lesson 97
 #[test]
 fn running_separates_faults_from_requirements() {
@@ -516,7 +516,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     }
 }
 
-/// The report lists the sampled ranges. Karat samples unconstrained numbers as tests do.
+/// The report lists the ranges from which Karat samples the inputs.
 // Lesson 147
 #[test]
 fn a_report_says_what_was_drawn() {
@@ -557,7 +557,8 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     }
 }
 
-/// Karat tries several values for each member of a buffer. `karat.toml` may declare a member's range: `p.other`.
+/// Karat tries several values for each member of a buffer. `[inputs]` in `karat.toml` may declare a member's range:
+/// `p.other = [1, 9]`.
 // Lesson 149
 #[test]
 fn members_of_buffers_are_drawn_and_declared() {
@@ -619,8 +620,8 @@ fn unchecked_inputs_and_functions_are_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
-/// Two textures may have different sizes, because names don't relate the sizes. A generated array has one element for
-/// each invocation.
+/// Karat doesn't assume that two textures have the same size: a texel of one texture may be outside of the other. A
+/// generated array has one element for each invocation.
 #[test]
 fn a_texel_outside_may_be_one_of_another_size() {
     let of = |source: &str, value: &str| {
@@ -642,7 +643,7 @@ fn a_texel_outside_may_be_one_of_another_size() {
     assert_eq!(classes(&array), [(Kind::OutOfRange, Class::Requirement)]);
 }
 
-/// Reported counts only increase, even if a thread is slow to receive its count.
+/// The reported number of finished functions only increases, even if the callback is slow.
 #[test]
 fn progress_never_goes_backwards() {
     let text: String =
@@ -749,8 +750,8 @@ fn a_domain_is_checked_for_hazards() {
     assert!(quad(0.5..=1.0).is_ok() && quad(0.0..=1.0).is_err());
 }
 
-/// A check that stops with an error never reads the result of its dispatch. The driver must finish before the process
-/// ends: otherwise one in three processes crashed.
+/// A check that stops with an error doesn't wait for the results of its dispatch. So the process must wait for the
+/// driver before it ends: without this wait, one in three processes crashed.
 #[test]
 fn nothing_runs_when_the_process_ends() {
     let program = std::env::current_exe().expect("a path");
@@ -762,8 +763,8 @@ fn nothing_runs_when_the_process_ends() {
     }
 }
 
-/// Checks fragment functions. Their inputs are the position of a pixel, which differs by 1 between neighbours, and
-/// interpolated values.
+/// Checks vertex and fragment functions. A fragment function gets interpolated values, and the position of its pixel,
+/// which differs by 1 between neighbours.
 #[test]
 fn entry_points_of_draws_are_looked_at() {
     let text = "struct In { @builtin(position) pixel: vec4f, @location(0) n_dot_l: f32 }\n\
@@ -1030,8 +1031,8 @@ fn pixels_that_write_storage_race() {
     assert!(race.advice.starts_with("the pixels of a draw have no order"), "{}", race.advice);
 }
 
-/// In `bright`, buffer contents decide which invocations write, but every invocation writes to `a[0]`. In `scatter`,
-/// buffer contents decide to which element an invocation writes.
+/// The race in `bright` is a fault: all invocations that write use `a[0]`. The race in `scatter` is a requirement: the
+/// contents of `idx` decide to which element an invocation writes.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -1165,8 +1166,8 @@ fn a_derivative_that_only_part_of_a_quad_reaches_is_found() {
     }
 }
 
-/// Karat reports a race even if both writes are equal for buffers of zeros. For a race in workgroup memory, the report
-/// suggests a barrier.
+/// Karat reports a race even if both invocations write the same value when all buffers contain zeros. For a race in
+/// workgroup memory, the report suggests a barrier.
 #[test]
 fn races_of_read_values_are_reported() {
     let pass = |body: &str| {
@@ -1450,8 +1451,8 @@ fn free_inputs_are_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// Karat finds no fault in these correct shaders of other projects. In those projects, an array is longer than the
-/// dispatch, a matrix is a projection, or another function sets a private variable.
+/// Karat finds no fault in these correct shaders of other projects. Each shader relies on the project's program: on an
+/// array longer than the dispatch, on a projection matrix, or on an earlier call that sets a private variable.
 // Lesson 98
 #[test]
 fn inputs_of_the_host_cause_no_fault() {
@@ -1531,8 +1532,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Declarations in `karat.toml` remove the findings that they make impossible. The test declares distinct elements,
-/// lengths, workgroups, directions, and inputs of one function.
+/// Karat reports no hazard that the declarations in `karat.toml` exclude. The test declares distinct elements, lengths,
+/// workgroups, directions, and inputs of one function.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -59,8 +59,7 @@ pub struct Tried {
 }
 
 impl Candidate {
-    /// The mutated function or constant: `brdf::schlick`. In a package of one file, the path is the name without a
-    /// module.
+    /// The mutated function or constant: `brdf::schlick`, or `schlick` in a package of one file.
     #[must_use]
     pub fn path(&self) -> String {
         path_of(&self.module, &self.mutant.item)
@@ -84,8 +83,8 @@ pub enum Fate {
         /// is the test that came closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
-        /// `true` if each test that uses the mutated code shows the values that it compares. Then, if `hidden` is
-        /// `None`, no test saw a difference.
+        /// `true` if Karat knows the compared values of each test that uses the mutated code. Then a `hidden` of `None`
+        /// means that no test saw a difference.
         #[serde(skip)]
         seen: bool,
         /// The reason why the mutant lived.
@@ -96,7 +95,7 @@ pub enum Fate {
         /// The result of comparing the mutant with the original.
         why: Lived,
     },
-    /// The mutant is equivalent to the original, so no test can fail on it, and Karat ran none.
+    /// The mutant is equivalent to the original, so no test can fail on the mutant, and Karat ran no test.
     Equal {
         /// The proof that the mutant is equivalent.
         by: Equality,
@@ -149,7 +148,7 @@ pub struct Hunted {
     pub left_out: usize,
     /// The modules that are invalid in the original.
     pub invalid: Vec<String>,
-    /// A sentence for each mutant that `karat.toml` accepts, and that a test kills.
+    /// A complaint for each mutant that a test kills although `karat.toml` accepts the mutant.
     pub complaints: Vec<String>,
 }
 
@@ -646,7 +645,7 @@ fn is_idle(original: &Package, mutant: &Package) -> bool {
     !known.is_empty() && known == mutant.fingerprints(&names)
 }
 
-/// The path of an item, such as `brdf::schlick`. In a package of one file, the path is the name without a module.
+/// The path of an item: `brdf::schlick`, or `schlick` in a package of one file.
 fn path_of(module: &str, item: &str) -> String {
     if module.is_empty() { item.to_owned() } else { format!("{module}::{item}") }
 }

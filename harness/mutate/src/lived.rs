@@ -16,7 +16,7 @@ use crate::maker::{Mutant, Rule};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "why", rename_all = "snake_case")]
 pub enum Lived {
-    /// The mutant's result differs for an input that no test has.
+    /// For an input that no test has, the mutant's result differs from the original's.
     Differs(Difference),
     /// Karat found no input for which the results differ. Untested inputs may still differ.
     Unseen {
@@ -38,7 +38,8 @@ pub enum Lived {
 pub struct Difference {
     /// The function with different results: `calc::half`.
     pub function: String,
-    /// The simplest arguments with different results, by name, and the buffer members on which the results depend.
+    /// The names and values of the simplest arguments for which the results differ, and of the buffer members that
+    /// affect the results.
     pub arguments: Vec<(String, String)>,
     /// The original's result, or the values that its pass writes.
     pub original: String,
@@ -284,8 +285,9 @@ impl Difference {
         }
     }
 
-    /// Half of the distance between the two results, as an absolute tolerance; `Some(None)` if the results aren't
-    /// finite floats with different values. `None` if the results differ only in the sign of a 0.
+    /// Half of the distance between the two results, as an absolute tolerance. `Some(None)` if a test needs no
+    /// tolerance, because a result isn't a finite float. `None` if the results differ only in the sign of a 0, which no
+    /// test sees.
     fn bound(&self) -> Option<Option<String>> {
         let [own, others] = [&self.original, &self.mutant].map(|text| numbers(text));
         if self.floats && own == others {

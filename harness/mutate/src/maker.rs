@@ -24,7 +24,7 @@ pub enum Rule {
     Number,
     /// A missing term or factor.
     Operand,
-    /// A call such as `max`, `abs` or `clamp`, replaced by its argument.
+    /// A call such as `max`, `abs` or `clamp`, replaced by one of its arguments.
     Guard,
     /// Two neighbouring arguments in the reverse order.
     Swap,
@@ -196,9 +196,10 @@ fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
 struct Maker<'a> {
     text: &'a str,
     tokens: Vec<Token<'a>>,
-    /// The index of each bracket's matching bracket.
+    /// For each token that is a bracket, the index of the matching bracket.
     partner: Vec<Option<usize>>,
-    /// `true` if the token belongs to an attribute or to a template argument list, including its brackets.
+    /// For each token, `true` if the token belongs to an attribute or to a template argument list, including its
+    /// brackets.
     types: Vec<bool>,
     item: String,
     found: Vec<Mutant>,
@@ -509,7 +510,7 @@ impl<'a> Maker<'a> {
         self.replace(Rule::Swizzle, at, at, components.into_iter().collect());
     }
 
-    /// Replaces a guard with its argument, and exchanges arguments.
+    /// Replaces a guard with one of its arguments, and exchanges neighbouring arguments.
     fn call(&mut self, at: usize) {
         let Some((open, close)) = self.parentheses(at) else { return };
         self.order(at, close);

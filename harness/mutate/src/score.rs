@@ -25,7 +25,7 @@ pub struct Score {
     pub accepted: usize,
     /// Mutants that aren't valid WGSL.
     pub invalid: usize,
-    /// Mutants in code that no linked function contains, for example because an `@if` removes it.
+    /// Mutants in code that no linked function contains, for example because an `@if` removes the code.
     pub idle: usize,
     /// Mutants without a verdict: a test ended without a verdict, or Karat couldn't find the tests.
     pub stopped: usize,

@@ -192,7 +192,8 @@ fn a_declaration_that_no_longer_fits_kills() {
     assert_eq!(of(&hunted, "capped", "max(GAIN, x)", "(x)").fate, killed);
 }
 
-/// Samplers in declared tests have mutants, too. A test that samples beyond the edge sees another address mode.
+/// Samplers in declared tests have mutants, too. A test that samples beyond a texture's edge kills a mutant with
+/// another address mode.
 #[test]
 fn samplers_of_tests_are_mutants() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -345,7 +346,8 @@ fn nothing_is_judged_without_evidence() {
     assert_eq!((score.killed, score.percent()), (0, Some(0.0)), "{score:?}");
 }
 
-/// A function with `@test` kills mutants like a declared test, in the module of the tested function or in another one.
+/// A function with `@test` kills mutants, as a declared test does. It may be in the module of the tested function or in
+/// another module.
 #[test]
 fn tests_in_wgsl_kill() {
     let own = "fn sign_of(x: f32) -> i32 { if (x < 0.0) { return -1; } return 1; }\n";
@@ -386,7 +388,8 @@ fn values_that_no_run_shows_are_not_judged() {
     }
 }
 
-/// A mutated constant changes the modules that use it: no test sees the change, or the module becomes invalid.
+/// A mutant of a constant also changes the modules that use the constant: a mutant of `N` makes `user` invalid, and a
+/// mutant of `FREE` changes `user::free`, which no test uses.
 #[test]
 fn constants_reach_other_modules() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -164,8 +164,8 @@ fn received(data: &Value) -> String {
 }
 
 /// Returns a measurement of the test, with its bound, as JSON. NaN and infinity become strings, because JSON has
-/// neither. Because the page can't compare these strings with the bound, Rust computes `passes`. `place` has the left,
-/// top, right and bottom pixel of a rectangle, all of which belong to the rectangle.
+/// neither. Because the page can't compare these strings with the bound, Rust computes `passes`. `place` is a rectangle
+/// of pixels: the left, top, right and bottom coordinate, all inclusive.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {

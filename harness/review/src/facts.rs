@@ -1,4 +1,4 @@
-//! The metadata of golden and frame, and differences in this metadata that may explain different pixels.
+//! The metadata of a golden and its frame, and the differences in the metadata that may explain different pixels.
 
 use std::fmt;
 
@@ -77,8 +77,8 @@ pub(crate) struct Fact {
     pub differs: bool,
 }
 
-/// Returns the properties that the test declares and that have different values in golden and frame, or no value in
-/// one.
+/// Returns the properties that the test declares, if their values differ between golden and frame, or if only one of
+/// the two has a value.
 pub(super) fn declared(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fact> {
     let Some(golden) = golden else { return Vec::new() };
     let names: std::collections::BTreeSet<_> =

@@ -19,7 +19,7 @@ const MOST_HEADERS: usize = 100;
 /// The time limit for a request to arrive, and for a client to accept a part of the response. Client and server are on
 /// the same machine, so a longer wait would be useless.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The longest time in which the server, after its response, reads and drops the rest of a request.
+/// The longest time that the server, after its response, spends on reading and dropping the rest of a request.
 const LINGER: Duration = Duration::from_secs(2);
 /// The largest number of connections at a time. A browser opens six connections, and one more in advance.
 const MOST_OPEN: usize = 64;
@@ -137,7 +137,8 @@ struct Entry {
 }
 
 impl Open {
-    /// Adds a connection. If there are too many, closes the oldest one without a valid request, or else the oldest one.
+    /// Adds a connection. If there are too many connections, closes the oldest connection without a valid request, or
+    /// else the oldest connection.
     fn enter(open: &Arc<Self>, stream: TcpStream) -> Connection {
         let stream = Arc::new(stream);
         open.change(|entries| {

@@ -49,7 +49,7 @@ const MOST_VERSIONS: usize = 8;
 
 /// The data of a pending frame or table for the page.
 ///
-/// [`load`](Self::load) reads the data. You can add more maps.
+/// [`load`](Self::load) reads the data. You can add more images to `maps`.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// The name of the golden.
@@ -185,7 +185,7 @@ impl Review {
         }
     }
 
-    /// Allows accepting a frame in CI, where the variable `CI` is set.
+    /// Sets if the page may accept frames in CI, where the variable `CI` is set.
     #[must_use]
     pub fn may_write_in_ci(mut self, may: bool) -> Self {
         self.ci_may_write = may;
@@ -454,7 +454,7 @@ fn is_table(golden: &Path) -> bool {
     golden.extension().is_some_and(|ending| ending == "csv")
 }
 
-/// Returns the files of all goldens in a folder and in its subfolders.
+/// Adds all goldens in a folder and in its subfolders to `files`, with `prefix` before each path in the folder.
 fn goldens_below(folder: &Path, prefix: &str, files: &mut Vec<String>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();

@@ -60,7 +60,8 @@ fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
 }
 
 /// Returns the modules that changed since the commit of the golden. `modules` are the modules that the frame depends
-/// on, from its file or from its last run. If they are `None`, all modules of the repository count.
+/// on, from the frame's file or from the last run. If `modules` is `None`, or has no module in this repository, Karat
+/// compares all modules of the repository.
 pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     match Since::find(golden).and_then(|since| since.changed(modules)) {
         Ok(known) => known,

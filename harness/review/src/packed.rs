@@ -62,7 +62,8 @@ impl Planes {
         Self { format, words: (0..4).map(plane).collect() }
     }
 
-    /// Returns the bytes of all words, as differences from the words of `base`, or from the previous word.
+    /// Returns the bytes of all words, as differences from the words of `base`, or from the previous word if there is
+    /// no `base`.
     fn bytes(&self, base: Option<&Self>) -> Vec<u8> {
         let bits = 8 * self.format.bytes();
         let mask = u32::MAX >> (32 - bits);

@@ -44,9 +44,10 @@ const SCRIPTS: [&str; 26] = [
 
 /// The source from which the browser loads the page.
 pub(super) enum Mode {
-    /// From files. The reader accepts and rejects frames in a terminal.
+    /// From files. The user accepts and rejects frames in a terminal.
     Files,
-    /// From Karat's server. The policy's nonce is a hash that includes the token, so the nonce is secret.
+    /// From Karat's server. The nonce in the page's security policy is a hash of data with the secret token, so the
+    /// nonce is secret, too.
     Served {
         /// The token in the URL.
         token: String,
@@ -135,8 +136,8 @@ pub(super) fn html(
     page
 }
 
-/// Returns the frame's largest ratio: an error divided by its bound. The ratio is `inf` if the images can't be
-/// compared, for example because their sizes differ. Returns `None` if there is no golden.
+/// Returns the largest ratio (an error divided by its bound) of the frame's failing measurements. The ratio is `inf` if
+/// the images can't be compared, for example because their sizes differ. Returns `None` if there is no golden.
 fn severity(frame: &Pending) -> Option<Value> {
     let finding = frame.provenance.finding.as_ref()?;
     let failing = finding.margins.iter().filter(|margin| !margin.passes());

@@ -93,8 +93,8 @@ impl Asked {
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// Returns the traces of the pixels that differ most from the golden. If possible, each trace also shows the
-    /// shaders of the golden's latest commit, the first of `versions`. Returns null if no pixel can be traced.
+    /// Returns the traces of the pixels that differ most from the golden. If possible, adds a trace of each pixel with
+    /// the shaders of the golden's latest commit, the first of `versions`. Returns null if no pixel can be traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();
         let pair =

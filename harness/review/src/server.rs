@@ -50,7 +50,7 @@ struct Desk {
 struct Decision {
     /// The name of the frame to accept or reject.
     case: String,
-    /// The hash of the pixels that the reader has seen.
+    /// The hash of the pixels that the page showed.
     pixels: String,
     #[serde(default)]
     because: String,

@@ -1,4 +1,5 @@
-//! The cases of one dispatch. A row contains the arguments of one case, and its companion, as `u32` words.
+//! The cases of one dispatch. A row contains, as `u32` words, the arguments of one case and then the companion:
+//! additional values that some verbs need.
 
 use std::borrow::Cow;
 use std::ops::Range;

@@ -23,8 +23,8 @@ const FEWEST: usize = 8;
 /// share of the passing cases.
 const TELLING: f64 = 0.95;
 
-/// The advantage that a property of two arguments needs: Karat reports such a property only if its gain is larger, by
-/// more than this number, than the gain of each property of one argument.
+/// The lead that a property of two arguments needs: Karat reports such a property only if its gain exceeds the gain of
+/// every property of one argument by more than this number.
 const SIMPLER: f64 = 0.02;
 
 /// A function that returns the arguments of a case.

@@ -29,7 +29,7 @@ pub(super) struct WithCompanion<'a> {
 }
 
 impl WithCompanion<'_> {
-    /// Makes the arguments with `make`. Returns them with the source of random numbers for the companion.
+    /// Makes the arguments with `make`, and returns the arguments and the source of random numbers for the companion.
     fn drawn<T>(
         &self,
         origin: Origin<'_>,

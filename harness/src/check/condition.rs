@@ -45,8 +45,7 @@ impl Condition {
     /// Reads a statement about these parameters.
     ///
     /// # Errors
-    /// Returns an error message if the text isn't an expression of type `bool`, or names none of the
-    /// parameters.
+    /// Returns an error message if the text isn't an expression of type `bool`, or uses none of the parameters.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
         let all = texts(text);
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {
@@ -92,7 +91,7 @@ impl Condition {
         Ok(Self { interpreted, lanes })
     }
 
-    /// Checks if the text names this parameter.
+    /// Checks if the text contains the name of this parameter.
     #[must_use]
     pub fn names(text: &str, parameter: &str) -> bool {
         texts(text).contains(&parameter)

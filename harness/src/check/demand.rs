@@ -25,8 +25,8 @@ pub(super) struct Demand {
     pub(super) calls: usize,
 }
 
-/// Determines a check's cases for a seed. The check sets their number, or otherwise the verb (`demand`). Returns an
-/// error if there are no cases.
+/// Determines the cases of a check for a seed. The check sets the number of cases; otherwise the verb's default in
+/// `demand` applies. Returns an error if there are no cases, or too many.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

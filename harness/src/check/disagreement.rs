@@ -168,9 +168,8 @@ pub struct CaseFailure {
     /// `true` if no sampled case failed, and a search found this input. The search begins at the cases nearest
     /// to a bound.
     pub searched: bool,
-    /// Each argument's name, and its value in WGSL's syntax. For an integral, the first entry is
-    /// `case` with the case's `Debug` text. The next entries are the arguments that have the same value at all
-    /// nodes.
+    /// Each argument's name, and its value in WGSL's syntax. For an integral, the first entry is `case` with the case's
+    /// `Debug` text. The next entries are the arguments that have the same value at all nodes of the quadrature rule.
     pub arguments: Vec<(String, String)>,
     pub(crate) lane: usize,
     /// The name of the worst component, such as `".y"`. `""` for a scalar.
@@ -188,8 +187,8 @@ pub struct CaseFailure {
     pub compared: &'static str,
     /// The error in its unit, with the largest allowed error.
     pub error: String,
-    /// Notes, each with a name and a text. They say which results WGSL allows, and which operation on the path
-    /// is the first to return a value outside of WGSL's bounds.
+    /// Notes, each with a name and a text. The notes give the results that WGSL allows, and the path's first operation
+    /// that returned a value outside of WGSL's bounds.
     pub explanation: Vec<(&'static str, String)>,
     /// The failing expectations of a test in WGSL.
     pub expectations: Vec<ExpectationDetails>,

@@ -54,8 +54,8 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// Verbs for checks with a domain that is known only at run time. Their closures take `u32` words instead of
-/// values.
+/// Verbs for checks with a domain that is known only at run time. The closures for these verbs take `u32` words instead
+/// of values.
 impl Check<'_, Calls<Words>> {
     /// Checks that the function agrees with `expect`, which appends the expected components of the result.
     ///

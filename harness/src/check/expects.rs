@@ -195,7 +195,7 @@ struct Placed<'s> {
     words: usize,
 }
 
-/// A stream with an implementation of `Debug`, which [`Placed`] needs.
+/// A wrapper that implements `Debug` for a stream, because [`Placed`] derives `Debug`.
 struct Rows<'s>(&'s dyn Stream);
 
 impl std::fmt::Debug for Rows<'_> {

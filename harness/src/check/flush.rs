@@ -1,14 +1,14 @@
 //! The flushing of subnormal arguments to 0, which WGSL allows.
 //!
 //! Each operation may flush a subnormal operand to 0 or -0, independently of the other operations (WGSL, section
-//! 15.7.2). So a result is right if it fits the given arguments. A result is also right if it fits arguments in which
-//! zeros replace some of the subnormals. This module doesn't handle subnormal intermediate values.
+//! 15.7.2). So a result is right if it passes the check for the given arguments, or for arguments in which zeros
+//! replace some of the subnormals. This module doesn't handle subnormal intermediate values.
 
 use crate::judge::Judged;
 use crate::value::Scalar;
 
-/// If a case has at most this many subnormal arguments, Karat tries every combination: at most 3^4 rows. If a case has
-/// more subnormal arguments, Karat flushes all of them together, or none of them.
+/// If a case has at most this many subnormal arguments, Karat tries every combination of unchanged arguments, 0 and -0:
+/// at most 3^4 rows. If a case has more subnormal arguments, Karat flushes all of them together, or none of them.
 const APART: usize = 4;
 
 /// The smallest normal `f16`, 2^-14.

@@ -395,7 +395,8 @@ fn loses(expression: &Expression) -> bool {
     })
 }
 
-/// Expressions with a fault (`found`, `missed`), and without a fault (`wrong` if Karat reports one, else `right`).
+/// Karat's scores: an expression with a fault is `found` or `missed`. An expression without a fault is `wrong` if Karat
+/// reports a fault in it, and `right` otherwise.
 #[derive(Debug, Default)]
 struct Told {
     found: usize,
@@ -432,7 +433,8 @@ fn told(all: Vec<Expression>) -> Told {
     told
 }
 
-/// With declared ranges, Karat reports the expressions that lose digits or aren't finite, and no others.
+/// With declared ranges, Karat reports at least 80 % of the expressions that lose digits or aren't finite, and at least
+/// 95 % of the reports are correct.
 #[test]
 fn expressions_that_lose_digits_are_found() {
     for (name, all) in [("Hamming", of_hamming()), ("Herbie", of_herbie())] {

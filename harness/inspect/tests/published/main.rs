@@ -61,8 +61,8 @@ const MAPPINGS: [(&str, &str, &str, &str); 3] = [
     ("workgroup", "w.x", "l", "64u"),
 ];
 
-/// A kernel over the edges of each vertex. `each` is the code that runs for each edge, to a vertex `u`. `last` is the
-/// code after all edges.
+/// A kernel over the edges of each vertex `v`. `each` is the code that runs for the edge from `v` to a vertex `u`.
+/// `last` is the code that runs after all edges of `v`.
 fn of_graph(
     (mapping, backwards, guarded): (usize, bool, bool),
     (number, is_atomic): (&str, bool),
@@ -257,8 +257,8 @@ fn indigo() -> Vec<Kernel> {
     all
 }
 
-/// Pairs of kernel bodies: one body has a race, and the other has none. They use `a`, `b` (read-only), `c`, `t`
-/// (atomics) and `idx`, all with `n` elements, and a `tile` of 64.
+/// Pairs of kernel bodies: one body has a race, and the other has none. The bodies use the arrays `a`, `b` (read-only),
+/// `c`, `t` (atomics) and `idx`, each with `n` elements, and the workgroup array `tile` with 64 elements.
 const PAIRS: [(&str, &str, &str); 32] = [
     (
         "antidependence",
@@ -451,8 +451,8 @@ const OUTSIDE: [(&str, &str, &str); 16] = [
     ),
 ];
 
-/// Karat finds each index outside of an array, both with the test's data and with generated data. It reports no guarded
-/// index.
+/// Karat finds each index outside of an array, both with the test's data and with generated data. Karat reports no
+/// guarded index.
 #[test]
 fn indices_outside_are_found() {
     for (name, outside, guarded) in OUTSIDE {
