@@ -213,7 +213,7 @@ impl<'a> Probe<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self

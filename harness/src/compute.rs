@@ -467,7 +467,7 @@ impl<'a> Compute<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -729,7 +729,7 @@ impl After<'_> {
     ///
     /// # Errors Returns an error if the path can't run the passes, or if the type of the elements isn't `T`.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
         let passes = self.compute.passes()?;
         let (part, shape) = passes.written(&self.variable)?;

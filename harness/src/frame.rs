@@ -725,7 +725,7 @@ impl<'a> Frame<'a> {
     /// frame.declared_at("shaders/sky.scene:3:1").matches(&GOLDENS, "sky");
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn declared_at(mut self, place: &str) -> Self {
         self.declared_at = Some(place.to_owned());
         self
@@ -749,7 +749,7 @@ impl<'a> Frame<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -771,7 +771,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
         let executor = executor::of(path)?;
         Ok(drawn(executor, &self.drawing_on(executor)?)?)

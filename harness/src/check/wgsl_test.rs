@@ -60,7 +60,7 @@ impl Package {
     /// Returns an error if Karat can't read the package. If Karat can't read a module, the result for that module is an
     /// error.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn tests_in(
         &self,
         modules: &[String],

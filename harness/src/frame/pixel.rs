@@ -67,7 +67,7 @@ impl Frame<'_> {
     /// # Errors
     /// If no draw covers the pixel, if the frame can't be drawn, or if the engine can't run the function.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn trace(&self, path: Path, pixel: (u32, u32)) -> Result<TracedPixel, TapError> {
         self.trace_layer(path, pixel, 1)
     }
@@ -78,7 +78,7 @@ impl Frame<'_> {
     /// # Errors
     /// As for [`trace`](Self::trace).
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn trace_layer(
         &self,
         path: Path,

@@ -455,7 +455,7 @@ impl Frame<'_> {
     /// # Errors
     /// If the frame can't be drawn.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn values(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -469,7 +469,7 @@ impl Frame<'_> {
     /// # Errors
     /// If the frame can't be drawn.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn prints(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -497,7 +497,7 @@ impl Frame<'_> {
     /// # Errors
     /// If the frame has no such value, or if it can't be drawn.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
@@ -508,7 +508,7 @@ impl Frame<'_> {
     /// # Errors
     /// As for [`tap`](Self::tap).
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;

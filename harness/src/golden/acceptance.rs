@@ -228,7 +228,7 @@ impl Goldens {
     ///
     /// After an error, the golden is unchanged.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn accept(
         &self,
         pending: &Pending,

@@ -213,7 +213,7 @@ impl FrameTolerance {
     /// # Errors
     /// If the images differ by more than the tolerance, or can't be compared.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn compare(
         &self,
         golden: &Image,

@@ -191,7 +191,7 @@ impl Goldens {
 
     /// All pending frames in the folder and the folders below it.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
@@ -211,7 +211,7 @@ impl Goldens {
     /// # Errors
     /// If no pending frame or unusable file has this name.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
         self.select_by(name, |_| false)
     }
@@ -221,7 +221,7 @@ impl Goldens {
     /// # Errors
     /// If no pending frame or unusable file has such a name.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn select_by(
         &self,
         pattern: &str,
@@ -246,7 +246,7 @@ impl Goldens {
     /// The name of a pending frame according to the file's path in this folder. The file's metadata may contradict this
     /// name.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn name_of(&self, path: &Path) -> String {
         let path = path.strip_prefix(self.folder()).unwrap_or(path);
@@ -259,7 +259,7 @@ impl Goldens {
     /// # Errors
     /// If the file can't be deleted.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn reject(&self, pending: &Pending) -> Result<(), AcceptError> {
         self.tidy();
         self.remove(pending)

@@ -68,7 +68,7 @@ impl FrameTolerance {
     /// # let _ = tolerance;
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn metric(metric: impl Metric + 'static, bound: f64) -> Self {
         Self::Metric(Arc::new(metric), bound)

@@ -36,7 +36,7 @@ impl Package {
     /// assert_eq!(half, of("fn half(x: f32) -> f32 { return 0.5 * x; } fn other() {}"));
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn fingerprints(&self, functions: &BTreeSet<String>) -> BTreeMap<String, String> {
         let mut modules: BTreeMap<&str, Vec<String>> = BTreeMap::new();

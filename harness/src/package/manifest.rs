@@ -155,7 +155,7 @@ impl Package {
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())

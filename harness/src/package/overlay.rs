@@ -168,7 +168,7 @@ impl Package {
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn unsaved(&self, file: &Path, text: &str) -> Self {
         let mut own = self.clone();

@@ -188,7 +188,7 @@ impl Path {
     /// assert_eq!(Path::GL.api(), Api::Gl);
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub const fn api(self) -> Api {
         self.api
@@ -203,7 +203,7 @@ impl Path {
     /// assert_eq!(Path::VULKAN.via(), Via::Direct);
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub const fn via(self) -> Via {
         self.via
@@ -218,7 +218,7 @@ impl Path {
     /// # Ok::<(), karat::path::PathError>(())
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub const fn driver(self) -> Option<&'static str> {
         self.driver
@@ -232,7 +232,7 @@ impl Path {
     /// assert!(Path::GL.is_supported() || cfg!(target_os = "macos"));
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn is_supported(self) -> bool {
         super::device::exists(self)

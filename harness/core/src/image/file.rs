@@ -45,7 +45,7 @@ impl Image {
     /// # Errors
     /// The same as for [`read`](Self::read).
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn read_stored(path: &Path) -> Result<Self, ImageError> {
         Self::read_as(path, Samples::Data)
     }

@@ -128,7 +128,7 @@ impl Flip {
     /// # Errors
     /// If alpha or a negative value differs, which FLIP ignores, or if FLIP can't compute the errors.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.errors)
     }
@@ -153,7 +153,7 @@ impl Flip {
     /// # Errors
     /// The same as for [`map`](Self::map).
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn exposures(&self, pair: &Pair<'_>) -> Result<ExposureMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.exposures)
     }
@@ -206,7 +206,7 @@ impl Flip {
     /// # Errors
     /// If FLIP can't compute the errors.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let whole = Rect::new(0, 0, pair.golden().width(), pair.golden().height());
         let found = self.part(pair, whole, pair.exposures())?;

@@ -30,7 +30,7 @@ impl Flip {
     /// # Errors
     /// If FLIP can't compute the errors.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let failed = |error: FlipError| FlipFailure::Parameters(error.to_string());
         let Some(bounds) = bounds(pair) else {

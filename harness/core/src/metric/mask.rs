@@ -141,7 +141,7 @@ impl Mask {
     /// # let _ = left;
     /// ```
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]
     pub fn image(image: Image) -> Self {
         Self(Kind::Image(image))
@@ -210,7 +210,7 @@ impl Mask {
     /// # Errors
     /// If the mask can't be used for a frame of this size, or if the mask excludes all pixels.
     ///
-    /// *Unstable*: may change in any release. Programs that run or report tests use it.
+    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {
         let value = |compared: bool| if compared { 1.0 } else { 0.0 };
         let flags = self.flags(width, height)?.into_iter().map(value);
