@@ -326,8 +326,7 @@ struct PublicItems {
 }
 
 /// The line in the documentation of an unstable method of a promised type.
-const UNSTABLE: &str =
-    "*Unstable*: this item may change in any release. It is meant for programs that run or report tests.";
+const UNSTABLE: &str = "*Unstable*: this item may change in any release. It is meant for programs that run or report tests.";
 
 impl PublicItems {
     fn of(text: &str) -> Vec<Item> {
