@@ -41,6 +41,10 @@ const CODE_BEGINS: [&str; 10] =
     ["@", "#[", "[", "fn ", "struct ", "import ", "enable ", "var<", "let ", "const "];
 const CODE_ENDS: [&str; 3] = [";", "{{", "}}"];
 
+/// The beginnings of test modules.
+const TEST_MODULES: [&str; 3] =
+    ["#[cfg(test)]\nmod ", "#[cfg(test)]\npub(super) mod ", "#[cfg(all(test,"];
+
 /// A sentence with its place and context.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 struct Sentence {
@@ -99,7 +103,10 @@ fn is_read(from: Source, file: &str) -> bool {
 fn sentences(from: Source, text: &str) -> Vec<Sentence> {
     let paragraphs = match from {
         // The code of test modules has no messages that users see.
-        Source::Messages => literals(text.split("#[cfg(test)]\nmod ").next().unwrap_or_default()),
+        Source::Messages => {
+            let tests = TEST_MODULES.iter().filter_map(|begin| text.find(begin)).min();
+            literals(&text[..tests.unwrap_or(text.len())])
+        }
         Source::Docs | Source::Comments => paragraphs(from, text),
     };
     paragraphs.into_iter().flat_map(cut).collect()

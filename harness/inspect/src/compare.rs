@@ -1682,8 +1682,11 @@ mod tests {
             "{one:?}"
         );
         let more = text.replace("n: vec3f }", "n: vec3f, @location(2) k: f32 }");
-        assert_eq!(compared(text, &more).interface, ["`i.k` with @location(2) is new"]);
-        assert_eq!(compared(&more, text).interface, ["`i.k` with @location(2) is no longer used"]);
+        assert_eq!(compared(text, &more).interface, ["the input `i.k` with @location(2) is new"]);
+        assert_eq!(
+            compared(&more, text).interface,
+            ["the input `i.k` with @location(2) is no longer used"]
+        );
         let other = compared(text, &text.replace("n: vec3f }", "n: vec4f }"));
         assert!(matches!(other.change, Change::Signature { .. }), "{other:?}");
         let vs = "@vertex fn vs(@location(0) p: vec3f) -> @builtin(position) vec4f { return vec4f(p, 1.0); }";

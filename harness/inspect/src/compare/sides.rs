@@ -107,6 +107,10 @@ fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)
 /// input's name changed, the host isn't affected, so there is no sentence.
 pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]) -> Vec<String> {
     let is_given = |(path, _): &(String, String)| path.starts_with("result");
+    let shown = |one: &(String, String)| {
+        let role = if is_given(one) { "output" } else { "input" };
+        format!("the {role} `{}` with {}", one.0, one.1)
+    };
     let has = |all: &[(String, String)], one: &(String, String)| {
         all.iter().any(|known| known.1 == one.1 && is_given(known) == is_given(one))
     };
@@ -119,13 +123,9 @@ pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]
     let new = |one: &&(String, String)| !has(before, one) && !named(before, &one.0);
     let gone = |one: &&(String, String)| !has(after, one) && !named(after, &one.0);
     let mut all: Vec<String> = after.iter().filter_map(moved).collect();
-    all.extend(after.iter().filter(new).map(|(path, is)| format!("`{path}` with {is} is new")));
-    all.extend(
-        before
-            .iter()
-            .filter(gone)
-            .map(|(path, is)| format!("`{path}` with {is} is no longer used")),
-    );
+    all.extend(after.iter().filter(new).map(|one| format!("{} is new", shown(one))));
+    let gone = before.iter().filter(gone);
+    all.extend(gone.map(|one| format!("{} is no longer used", shown(one))));
     all
 }
 
