@@ -149,8 +149,8 @@ fn passes_assert_and_print() {
     assert!(tables.is_err());
 }
 
-/// The check of a frame fails if an assertion is false in a pixel, also inside a loop. A tap reads the values of a
-/// `print` comment in the frame's shader.
+/// The check of a frame fails if an assertion is false in a pixel, also inside a loop. `Frame::tap` reads the values of
+/// a `print` comment in the frame's shader.
 // Lesson 37
 #[test]
 fn frames_assert_and_print() {

@@ -290,7 +290,7 @@ pub(crate) struct Integral {
     pub(crate) equals: Option<Value>,
     /// The largest value that the integral may have.
     pub(crate) at_most: Option<Value>,
-    /// The absolute error by which rounding may exceed `at_most`.
+    /// The amount by which the computed integral may exceed `at_most`, because of rounding errors.
     pub(crate) slack: Option<f64>,
     /// The number of rings of directions in the quadrature.
     pub(crate) rings: Option<u16>,
@@ -443,7 +443,7 @@ impl Frame {
     }
 }
 
-/// The folder of goldens, beside the test file.
+/// The name of the folder with goldens, which is beside the test file.
 pub(crate) const GOLDEN: &str = "golden";
 
 impl Assertion {
@@ -460,13 +460,14 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The position of a key; without a key, the position of the assertion.
+    /// The position of `key`; if `key` is `None`, the position of the assertion.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
         named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
-    /// The tolerance. For integers and booleans, the default is exact. For floats, a missing tolerance is an error.
+    /// The test's tolerance. For integers and booleans, the default is `exact`. For floats, a missing tolerance is an
+    /// error.
     pub(crate) fn tolerance(&self, result: &Shape) -> Result<&str, String> {
         let is_exact = result.lanes().iter().all(|lane| !lane.is_float());
         let exact = is_exact.then_some("exact");
