@@ -108,8 +108,8 @@ pub enum NoVerdict {
 }
 
 impl Tint {
-    /// Finds the Tint for a folder: the package in the nearest `node_modules`, or else another Tint on this machine. A
-    /// process searches only once for each folder.
+    /// Finds the Tint for a folder: the package in the nearest `node_modules`, or else another Tint on this machine. In
+    /// one process, Karat searches only once for each folder.
     ///
     /// KARAT_TINT may name another Tint, or be `off`. Chromium takes a second to start. So Karat uses Chromium only if
     /// `needed` is set, or if KARAT_TINT names Chromium.

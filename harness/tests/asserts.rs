@@ -71,7 +71,8 @@ fn checks_fail_by_assertions() {
     agrees("sound").expect("it holds for all of them");
 }
 
-/// Assertions are evaluated in every call of a check: with transformed arguments, tables, integrals and samples.
+/// Karat evaluates assertions in every call of a check, also in calls with transformed arguments and in the calls of an
+/// integral.
 #[test]
 fn assertions_are_evaluated_in_each_kind_of_check() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: assert x >= 0.0 && x <= 4.0\n    return x;\n}\n\

@@ -61,7 +61,7 @@ pub struct Form {
 
 const RESULT: &str = "result";
 
-/// The private variables that pass values into or out of a function, by their paths.
+/// The private variables that pass values into or out of a function. The keys are the variables' paths.
 pub type State = BTreeMap<String, Variable>;
 
 /// A private variable.
@@ -239,7 +239,7 @@ impl Program {
         used.map(|(_, one)| of(one)).collect()
     }
 
-    /// The type of a private variable, by its path.
+    /// The type of the private variable with this path.
     pub fn private_type(&self, path: &str) -> Option<String> {
         let one = self.private(self.name_of(path))?;
         Some(self.checked.module.to_ctx().type_to_string(one.ty))
@@ -436,8 +436,9 @@ impl Program {
         }
     }
 
-    /// The shape of a resource that a call wrote. `count` is the number of bytes of a buffer, or of texels of a
-    /// texture. Without `count`, a runtime-sized array has no elements. `None` if no host can read the resource.
+    /// The shape of a resource that a call wrote. `count` is the number of bytes in a buffer, or the number of texels
+    /// in a texture. Without `count`, a runtime-sized array has no elements. `None` if the host can't read the
+    /// resource.
     pub fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             let scalar = match format.texels() {

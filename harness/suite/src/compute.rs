@@ -226,7 +226,7 @@ impl Expected {
 }
 
 impl Declared {
-    /// The passes in their order. `module` is the file's module.
+    /// The passes in their order. `module` is the module beside the test file.
     fn all_passes(&self, module: &str) -> Result<Vec<(String, [u32; 3])>, String> {
         let path = |entry: &str| match (module, entry.contains("::")) {
             ("", _) | (_, true) => entry.to_owned(),

@@ -143,8 +143,8 @@ pub struct Broken {
     pub name: String,
     /// The error, with its position.
     pub wrong: Wrong,
-    /// `true` for an error in a test file, or in a file that its author probably meant as a test file. Such an error
-    /// counts in any package. A module with an error, in contrast, may be valid together with modules of other
+    /// `true` for an error in a test file, or in a file that its author probably meant as a test file. Such an error is
+    /// a failure in any package. A module with an error, in contrast, may be valid together with modules of other
     /// packages.
     pub is_file: bool,
 }

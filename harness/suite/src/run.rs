@@ -565,7 +565,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     }
 }
 
-/// Adds the settings that all assertions of a test share to a check.
+/// Adds to a check the settings that all assertions of a test share.
 fn settled<'p>(
     mut check: Check<'p, Calls<Words>>,
     Assertion { test, what, .. }: &Assertion,

@@ -89,8 +89,8 @@ impl Wrong {
     }
 }
 
-/// Makes the error of a failed check of a function, of passes or of a frame. The error's position is the shader's line
-/// in the message. If the message has no such line, the position is that of the test's key that caused the failure.
+/// Makes a test's error from the failure of the test's check. The error's position is the shader's line in the message.
+/// If the message has no such line, the position is that of the test's key that caused the failure.
 pub(crate) fn blamed(
     failure: &impl Fails,
     key_of_entry: &dyn Fn(&str) -> Option<String>,
