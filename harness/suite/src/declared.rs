@@ -174,7 +174,8 @@ pub(crate) struct Declared {
     monotone: Option<BTreeMap<String, Direction>>,
     /// Asserts that the result approaches a value: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
     limit: Option<BTreeMap<String, Value>>,
-    /// Asserts the integral over the last argument, which is a direction. A table below has the keys.
+    /// Asserts the value of the integral over the last argument, which is a direction. A table below lists the keys of
+    /// `integral`.
     integral: Option<Integral>,
     /// Asserts that no operation in the function has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`.
     /// The function must not write storage.
@@ -315,7 +316,8 @@ pub(crate) struct Frame {
     vertex: Option<String>,
     /// The fragment function.
     fragment: Option<String>,
-    /// Several draws, which run in this order. Replaces the keys `vertex` and `fragment`. A table below has the keys.
+    /// Several draws, which run in this order. Replaces the keys `vertex` and `fragment`. A table below lists the keys
+    /// of a draw.
     #[serde(default)]
     draws: Vec<draws::Declared>,
     /// The number of samples of each pixel: 1 or 4.
