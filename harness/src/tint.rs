@@ -61,7 +61,7 @@ pub struct Question {
     pub text: String,
     /// `true` asks for WebGPU's compatibility mode. With `false`, Tint assumes a device with all features.
     pub compatibility: bool,
-    /// The pipelines to make from the text.
+    /// The pipelines that Tint must make from the text.
     pub pipelines: Vec<Pipeline>,
 }
 
@@ -87,7 +87,7 @@ pub(crate) struct Attribute {
     pub(crate) format: &'static str,
 }
 
-/// The reason why a text has no verdict: a fault of the program that contains Tint.
+/// The reason why a text has no verdict: the program that contains Tint didn't give a usable answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoVerdict {
     /// The process ended.
@@ -96,7 +96,7 @@ pub enum NoVerdict {
     /// Karat can't parse the answer.
     #[error("Tint's answer can't be read: {0}")]
     Garbage(String),
-    /// The answer is about another text than the question.
+    /// The answer is about a different text.
     #[error("Tint's answer is about another shader")]
     Other,
     /// The question got two answers.
@@ -108,8 +108,8 @@ pub enum NoVerdict {
 }
 
 impl Tint {
-    /// Finds the Tint for a folder: the package in the nearest `node_modules`, or else another Tint on this machine. A
-    /// process searches only once for each folder.
+    /// Finds the Tint for a folder: the package in the nearest `node_modules`, or else another Tint on this machine. In
+    /// one process, Karat searches only once for each folder.
     ///
     /// KARAT_TINT may name another Tint, or be `off`. Chromium takes a second to start. So Karat uses Chromium only if
     /// `needed` is set, or if KARAT_TINT names Chromium.
@@ -167,7 +167,8 @@ impl Tint {
     }
 }
 
-/// Replaces a rejection by "no verdict" if the browser's device is the reason.
+/// Replaces Tint's rejection by [`NoVerdict::Lacks`], if Tint rejects the text only because the browser's device lacks
+/// a feature.
 fn lacking(answer: &mut Result<Answer, NoVerdict>) {
     let is_device = |reason: &&str| {
         reason.contains("not allowed in the current environment")

@@ -133,7 +133,7 @@ pub mod compute {
     pub use crate::dispatch::{Violation, ViolationAccess};
 }
 
-/// Abilities of paths, and the first message (`Greeting`) of a program that runs jobs.
+/// Paths: their names, drivers and abilities, and the first message (`Greeting`) of a program that runs jobs.
 pub mod path {
     pub use crate::path::deadline::{Moment, watched};
     pub use crate::path::device::Device;
@@ -179,7 +179,7 @@ pub mod workspace {
     pub use crate::package::workspace::refresh;
 }
 
-/// Texts that describe the difference between numbers.
+/// Tolerances, and texts that describe the difference between numbers.
 pub mod tolerance {
     pub use karat_core::tolerance::{
         Criterion, LaneError, SpecTolerance, Unit, beyond, power, significant, times_allowed,
@@ -192,7 +192,7 @@ pub mod trace {
     pub use crate::interpret::trace::{Step, Value, trace};
 }
 
-/// The text of values that are `u32` words.
+/// Types of values, and texts of values that are `u32` words.
 pub mod value {
     pub use karat_core::value::{
         Arguments, Differing, Mirror, Quad, Reference, Scalar, Shape, format_f32, format_lane,

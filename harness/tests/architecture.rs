@@ -14,7 +14,7 @@ struct Row {
     crates: Vec<String>,
 }
 
-/// The modules of the library, in the order of the table. A module uses only the modules above it in the table.
+/// The rows of the table of modules in ARCHITECTURE.md. A module uses only the modules above it in the table.
 fn order() -> Vec<Row> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ARCHITECTURE.md");
     let page = std::fs::read_to_string(page).expect("it is beside the library");
@@ -47,10 +47,10 @@ const LARGE: [&str; 11] = [
     "anstream",
 ];
 
-/// The number of rows, at the beginning of the table, that belong to the crate `karat-core`.
+/// The number of modules of the crate `karat-core`, which come first in the table of ARCHITECTURE.md.
 const CORE: usize = 13;
 
-/// The number of rows, at the end of the table, that belong to the crate `karat-inspect`.
+/// The number of modules of the crate `karat-inspect`, which come last in the table of ARCHITECTURE.md.
 const INSPECT: usize = 8;
 
 /// The largest number of direct dependencies that the library may have. A user's tests compile all of them.
@@ -63,7 +63,7 @@ const MOST_NAMES: usize = 36;
 #[derive(Debug, Default)]
 struct Names {
     modules: BTreeSet<String>,
-    /// The first words of paths, such as `naga` in `naga::Module`, except `crate`, `self` and `super`.
+    /// The first word of each path, such as `naga` in `naga::Module`, except `crate`, `self` and `super`.
     crates: BTreeSet<String>,
     /// The number of `super`s that lead from the code to the root of the library, as in `super::super::golden`.
     depth: usize,
@@ -301,7 +301,8 @@ fn the_library_has_few_dependencies_and_root_names() {
     }
 }
 
-/// The number of items that a `use` imports, without modules and macros, whose names begin with a small letter.
+/// The number of items that a `use` imports, except for modules and macros. The names of these begin with a small
+/// letter.
 fn leaves(tree: &syn::UseTree) -> usize {
     match tree {
         syn::UseTree::Path(path) => leaves(&path.tree),
@@ -325,7 +326,7 @@ struct PublicItems {
     items: Vec<Item>,
 }
 
-/// The line in the documentation of an unstable method of a promised type.
+/// The line in the documentation of a method that may change, although its type is stable.
 const UNSTABLE: &str = "*Unstable*: this item may change in any release. It is meant for programs that run or report tests.";
 
 impl PublicItems {
@@ -508,11 +509,11 @@ fn paths_of(before: &[String], tree: &syn::UseTree, paths: &mut Vec<Vec<String>>
     }
 }
 
-/// The largest number of names that the library may promise: types, functions, methods, traits and macros. Users rely
-/// on each name, so avoid a new one.
+/// The largest number of stable names in the library: types, functions, methods, traits and macros. Users rely on each
+/// name, so avoid a new one.
 const MOST_PROMISED: usize = 312;
 
-/// The documentation of each promised item shows how to use the item.
+/// The documentation of each stable item shows how to use the item.
 // Lesson 138
 #[test]
 fn promised_items_have_an_example() {

@@ -71,7 +71,8 @@ fn checks_fail_by_assertions() {
     agrees("sound").expect("it holds for all of them");
 }
 
-/// Assertions are evaluated in every call of a check: with transformed arguments, tables, integrals and samples.
+/// Karat evaluates assertions in every call of a check, also in calls with transformed arguments and in the calls of an
+/// integral.
 #[test]
 fn assertions_are_evaluated_in_each_kind_of_check() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: assert x >= 0.0 && x <= 4.0\n    return x;\n}\n\
@@ -149,8 +150,8 @@ fn passes_assert_and_print() {
     assert!(tables.is_err());
 }
 
-/// The check of a frame fails if an assertion is false in a pixel, also inside a loop. A tap reads the values of a
-/// `print` comment in the frame's shader.
+/// The check of a frame fails if an assertion is false in a pixel, also inside a loop. `Frame::tap` reads the values of
+/// a `print` comment in the frame's shader.
 // Lesson 37
 #[test]
 fn frames_assert_and_print() {

@@ -104,7 +104,7 @@ fn placeholders_are_replaced_by_their_values() {
     "#);
 }
 
-/// The error for one missing value names all missing values, so that the author can set all of them at once.
+/// The error about a feature without a value names all such features, so that the author can set all values at once.
 #[test]
 fn all_missing_values_are_named_at_once() {
     let package = |features: &str| {
@@ -258,7 +258,7 @@ fn imports_end_where_their_lines_or_braces_do() {
     check.agrees_with(|x: f64| std::f64::consts::PI * x / 2.0, Ulp(3.0));
 }
 
-/// The definitions of the linked module also apply to the modules that it imports or includes.
+/// A `#define` in the linked module also applies to the modules that this module imports or includes.
 #[test]
 fn definitions_reach_what_is_imported() {
     let lib = "#define_import_path lib\n#ifdef FULL\nfn v(x: f32) -> f32 { return x; }\n#else\n\

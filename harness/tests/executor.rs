@@ -13,7 +13,8 @@ use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";
 
-/// An executor that multiplies its argument on the host. A test can plant faults by the executor's fields.
+/// An executor that multiplies its argument on the host. A test sets the fields so that the executor returns wrong
+/// results.
 #[derive(Debug)]
 struct Fake {
     factor: f32,
@@ -115,7 +116,7 @@ fn tolerances_and_known_issues_hold_on_an_executor() {
     assert!(error.to_string().contains("did you mean `cpu`?"), "{error}");
 }
 
-/// Each executor needs a unique name that isn't a driver's, and must run at least one case at once.
+/// Each executor needs a path of its own that isn't a driver's path, and memory for at least one case.
 #[test]
 fn executors_without_a_name_or_room_are_refused() {
     let none = check(&Fake { room: 0, ..RIGHT }).expect_err("no room").to_string();
@@ -157,7 +158,7 @@ fn cover(@builtin(vertex_index) index: u32) -> @builtin(position) vec4f {
 fn white() -> @location(0) vec4f { return vec4f(1.0); }
 ";
 
-/// An executor that calls functions only.
+/// An executor that can call functions, but can't draw frames.
 #[derive(Debug)]
 struct Calls;
 

@@ -100,7 +100,7 @@ fn levels_are_means() {
     }
 }
 
-/// Checks that the error reports a wrong mean on each path that opens, and no other failure.
+/// Checks that the error reports a wrong mean on each path that has a driver on this machine, and no other failure.
 fn is_mean(error: &FrameError) -> bool {
     match error {
         FrameError::Mean { .. } => true,
@@ -146,7 +146,7 @@ fn the_mean_of_a_rectangle_is_what_is_expected() {
     assert!(is_mean(&error), "{error}");
 }
 
-/// The paths that open, each with the selector of its driver, such as `gl@llvmpipe`.
+/// The paths that have a driver on this machine, each with the driver's selector, such as `gl@llvmpipe`.
 fn drivers() -> Vec<(Path, String)> {
     let adapters = Path::ALL
         .into_iter()

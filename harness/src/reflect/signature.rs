@@ -43,24 +43,25 @@ pub struct Form {
     /// The type of the function's result; `None` if there is no result.
     pub(crate) returns: Option<Shape>,
     pub(crate) passed: Vec<Passed>,
-    /// The function's texture and sampler parameters, which Karat replaces by variables. Each has its position among
-    /// all parameters, its name and its type.
+    /// The function's texture and sampler parameters, which Karat replaces by variables. Each entry has the parameter's
+    /// position among all parameters, its name and its type.
     pub taken: Vec<(usize, String, String)>,
     /// `true` if Karat must run the cases one by one, because a case could otherwise see the writes of another case.
     pub alone: bool,
     /// `true` if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
-    /// quad if cases run alone. The quad's other pixels are helpers. A discarded pixel becomes a helper, too.
+    /// quad if cases run alone. If a case is one pixel, the quad's other pixels are helper invocations. A discarded
+    /// pixel becomes a helper, too.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which Karat calls like any function.
     pub stage: Option<Stage>,
     /// The parameters that are builtin values, such as `position`, and the members that are builtin values, such as
-    /// `input.pixel`. Each has its path and the name of the builtin value.
+    /// `input.pixel`. Each entry has the path and the builtin value's name in WGSL, such as `front_facing`.
     pub builtins: Vec<(String, String)>,
 }
 
 const RESULT: &str = "result";
 
-/// The private variables that pass values into or out of a function, by their paths.
+/// The private variables that pass values into or out of a function. The keys are the variables' paths.
 pub type State = BTreeMap<String, Variable>;
 
 /// A private variable.
@@ -238,7 +239,7 @@ impl Program {
         used.map(|(_, one)| of(one)).collect()
     }
 
-    /// The type of a private variable, by its path.
+    /// The type of the private variable with this path.
     pub fn private_type(&self, path: &str) -> Option<String> {
         let one = self.private(self.name_of(path))?;
         Some(self.checked.module.to_ctx().type_to_string(one.ty))
@@ -435,8 +436,9 @@ impl Program {
         }
     }
 
-    /// The shape of a resource that a call wrote. `count` is the number of bytes of a buffer, or of texels of a
-    /// texture. Without `count`, a runtime-sized array has no elements. `None` if no host can read the resource.
+    /// The shape of a resource that a call wrote. `count` is the number of bytes in a buffer, or the number of texels
+    /// in a texture. Without `count`, a runtime-sized array has no elements. `None` if the host can't read the
+    /// resource.
     pub fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             let scalar = match format.texels() {
@@ -455,8 +457,8 @@ impl Program {
         self.memory_shape(binding.ty, count.unwrap_or_default())
     }
 
-    /// The shape of a type in memory. Atomics count as their scalars, and a runtime-sized array fills `bytes`
-    /// bytes.
+    /// The shape of a type in memory. An `atomic<u32>` has the shape of a `u32`, and a runtime-sized array fills
+    /// `bytes` bytes.
     fn memory_shape(&self, ty: naga::Handle<naga::Type>, bytes: usize) -> Option<Shape> {
         let declared = &self.checked.module.types[ty];
         match &declared.inner {
@@ -530,7 +532,7 @@ impl Program {
         parameters.collect()
     }
 
-    /// Checks if an expression of a function, by its index, is `-x`.
+    /// Checks if the function's expression with the index `expression` is a negation, such as `-x`.
     pub(crate) fn negates(&self, function: &str, expression: usize) -> bool {
         let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
         let negate = naga::UnaryOperator::Negate;
@@ -547,7 +549,7 @@ impl Program {
         matches!(found, Some((_, naga::Expression::Derivative { .. })))
     }
 
-    /// The number of components of an expression of a function, by its index; 1 if the type is unknown.
+    /// The number of components of the function's expression with the index `expression`; 1 if the type is unknown.
     pub(crate) fn components(&self, function: &str, expression: usize) -> usize {
         let components = |inner: &naga::TypeInner| match inner {
             naga::TypeInner::Vector { size, .. } => *size as usize,
@@ -557,14 +559,14 @@ impl Program {
         self.type_of(function, expression).map_or(1, components)
     }
 
-    /// The name of a `let` whose value is an expression of a function, by the expression's index.
+    /// The name of the `let` whose value is the function's expression with the index `expression`.
     pub(crate) fn let_name(&self, function: &str, expression: usize) -> Option<&str> {
         let (function, _) = self.body(function)?;
         let (at, _) = function.expressions.iter().nth(expression)?;
         function.named_expressions.get(&at).map(String::as_str)
     }
 
-    /// Checks if an expression of a function is an `i32` or a vector of `i32`.
+    /// Checks if the function's expression with the index `expression` has `i32` components.
     pub(crate) fn is_signed(&self, function: &str, expression: usize) -> bool {
         let scalar = self.type_of(function, expression).and_then(naga::TypeInner::scalar);
         scalar.is_some_and(|scalar| scalar.kind == naga::ScalarKind::Sint)
@@ -676,7 +678,7 @@ impl Program {
     }
 
     /// The shape of a buffer's contents. If the buffer is, or ends in, a runtime-sized array, that array has `elements`
-    /// elements. Atomics count as their scalars. `None` if the variable isn't a buffer.
+    /// elements. An `atomic<u32>` has the shape of a `u32`. `None` if the variable isn't a buffer.
     #[must_use]
     pub fn buffer_of(&self, binding: &Binding, elements: usize) -> Option<Shape> {
         use naga::{ArraySize, TypeInner};
@@ -726,7 +728,7 @@ impl Program {
         self.shape_of(&self.checked.module.types[ty])
     }
 
-    /// The shape of a naga type that needn't be in the module.
+    /// The shape of a naga type. The type may be missing from the module.
     pub(super) fn shape_of(&self, ty: &naga::Type) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
         Ok(match &ty.inner {

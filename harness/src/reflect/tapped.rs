@@ -27,7 +27,7 @@ pub(crate) const WORDS: usize = 4;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Valued {
-    /// The name of the function or entry point in the text.
+    /// The name of the function or entry point in the linked text.
     pub(crate) function: String,
     /// The index of the value among the expressions of the function.
     pub(crate) expression: usize,
@@ -39,8 +39,9 @@ pub(crate) struct Valued {
 }
 
 impl Valued {
-    /// The number of `u32` words in which a program returns the value: one word for each scalar, and one word for the
-    /// number of iterations plus 1. `None` if Karat can't read the value.
+    /// The number of `u32` words in which a program returns the value: one word for each scalar, and one word for a
+    /// counter. The counter is 1 more than the number of times that the shader computed the value, so 0 means that no
+    /// invocation wrote the words. `None` if Karat can't read the value.
     pub(crate) fn words(&self) -> Option<usize> {
         Some(self.shape.as_ref().ok()?.lanes().len() + 1)
     }
@@ -54,7 +55,7 @@ pub(crate) enum When {
     Last,
     /// The value in this iteration. The first iteration is 1.
     Round(u32),
-    /// The last time that a condition is false. Karat counts only the iterations in which the condition is false.
+    /// The last value of a condition that is `false`. Karat counts only the times that the condition is false.
     False,
 }
 
@@ -67,10 +68,11 @@ impl From<Option<u32>> for When {
 /// The values that a changed program returns, and the locations at which it returns them.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
-    /// The values to return. If there are no values, each fragment function returns its own number, counted from 1.
+    /// The values to return. If there are no values, each fragment function returns its position in the list of
+    /// fragment functions, counted from 1.
     pub(crate) values: &'t [(&'t Valued, When)],
     /// The index of the first word to return, among the words of all values. The words of a value are its scalars,
-    /// followed by the number of its iterations plus 1.
+    /// followed by the counter of [`Valued::words`].
     pub(crate) first: usize,
     /// The locations at which the program returns the words. Each location has [`WORDS`] words.
     pub(crate) locations: &'t [u32],
@@ -213,8 +215,8 @@ impl Program {
         Err(ReflectError::Unprobeable(Box::new(found)))
     }
 
-    /// The range of the expression that an assertion or a print evaluates, by the name of the `let` with the
-    /// expression's value. naga has no span for such an expression.
+    /// The range of the expression that an assertion or a print evaluates, because naga has no span for this
+    /// expression. `name` is the name of the `let` that has the expression's value.
     fn held(&self, function: &str, name: &str) -> Option<Range<usize>> {
         if ![ASSERTED, PRINTED].iter().any(|one| name.starts_with(one)) {
             return None;
@@ -254,8 +256,8 @@ impl Program {
     }
 
     /// A program whose compute entry point writes a value of each invocation into a buffer. For each invocation, the
-    /// buffer has the words of the value, and then the number of iterations plus 1. The buffer's path is [`TOLD`].
-    /// `counts` has the number of invocations in each direction.
+    /// buffer has the scalars of the value, followed by the counter of [`Valued::words`]. The buffer's path is
+    /// [`TOLD`]. `counts` has the number of invocations in each direction.
     ///
     /// # Errors
     /// If naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
@@ -410,7 +412,8 @@ fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     all
 }
 
-/// The private variables that store a value, and count its iterations, until the entry point returns.
+/// Two private variables, which store a value, and the number of times that the shader computed it, until the entry
+/// point returns.
 #[derive(Clone, Copy)]
 struct Kept {
     value: Handle<GlobalVariable>,
@@ -418,7 +421,8 @@ struct Kept {
 }
 
 impl Kept {
-    /// Stores a value after the statement that computes the value, and counts the iterations.
+    /// Inserts statements after the statement that computes a value. They store the value, and count how often the
+    /// shader computed it.
     fn keep(self, function: &mut Function, value: Handle<Expression>, when: When) {
         let mut body = std::mem::take(&mut function.body);
         let store = |function: &mut Function| {
@@ -478,7 +482,7 @@ impl Kept {
 /// The name of the buffer into which a changed pass writes its words.
 pub(crate) const TOLD: &str = "karat_told_words";
 
-/// Checks if a structure among a function's arguments contains a builtin value.
+/// Checks if an argument of a function is a structure that contains the builtin value `id`.
 fn holds(types: &naga::UniqueArena<Type>, function: &Function, id: &Option<Binding>) -> bool {
     function.arguments.iter().any(|argument| match &types[argument.ty].inner {
         TypeInner::Struct { members, .. } => members.iter().any(|member| member.binding == *id),

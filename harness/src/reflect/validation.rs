@@ -22,8 +22,8 @@ pub struct Validated {
     /// The number of functions with `@test`. Validation doesn't check these functions, but only counts them. Karat
     /// validates a test when the test runs.
     pub tests: usize,
-    /// The verdict of Tint, and the verdict that follows from WebGPU's limits. The package meets every requirement of
-    /// `karat.toml`.
+    /// Tint's verdict, and the verdict that follows from WebGPU's limits. A module of a valid package may fail here, if
+    /// `karat.toml` doesn't require this verdict.
     pub opinion: Opinion,
 }
 
@@ -57,7 +57,7 @@ pub enum Invalid {
         modules: usize,
         /// Each module that isn't valid, with the reason.
         errors: Vec<(String, ReflectError)>,
-        /// The verdicts on the modules that come from Tint and from WebGPU's limits.
+        /// Tint's verdicts on the modules, and the verdicts that follow from WebGPU's limits.
         opinion: Box<Opinion>,
     },
     /// `karat.toml` requires Tint's verdict, but Tint has no verdict.
@@ -71,7 +71,7 @@ pub enum Invalid {
         reason: String,
         /// The remedy.
         remedy: String,
-        /// The verdicts on the modules that come from Tint and from WebGPU's limits.
+        /// Tint's verdicts on the modules, and the verdicts that follow from WebGPU's limits.
         opinion: Box<Opinion>,
     },
     /// The package has no code to run.
@@ -83,7 +83,7 @@ pub enum Invalid {
 }
 
 impl Invalid {
-    /// The verdicts on the modules that come from Tint and from WebGPU's limits, if there are any.
+    /// Tint's verdicts on the modules, and the verdicts that follow from WebGPU's limits, if there are any.
     #[must_use]
     pub fn opinion(&self) -> Option<&Opinion> {
         match self {

@@ -59,7 +59,7 @@ impl Identity {
         Ok(Self { test, check, settings })
     }
 
-    /// The case that `KARAT_CASE` selects. `None` if `KARAT_CASE` names another check.
+    /// The case that `KARAT_CASE` selects. `None` if `KARAT_CASE` isn't set, or names another check.
     fn selected(&self, function: &str, check: &str) -> Option<&SelectedCase> {
         self.settings.case.as_ref().filter(|selected| match &selected.check {
             Some(named) => *named == label(function, check),
@@ -189,7 +189,7 @@ pub(super) fn write_words(words: &[u32]) -> String {
     words.join(",")
 }
 
-/// Writes steps of simplification as text, for environment variables and files: `3.0`.
+/// Writes the steps of a simplification as text, for environment variables and files: `3.0`.
 pub(super) fn write_steps(steps: &[usize]) -> String {
     let steps: Vec<String> = steps.iter().map(ToString::to_string).collect();
     steps.join(".")
@@ -203,7 +203,7 @@ pub(crate) fn cargo_package() -> String {
     }
 }
 
-/// Writes a record that the running test skips a frame.
+/// Records that the running test skips a frame.
 pub(crate) fn leave_frame_out() {
     crate::record::leave_out(&test());
 }

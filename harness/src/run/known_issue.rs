@@ -12,7 +12,7 @@ use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::{Details, PathDetails, PathRecord};
 
-/// A failure that occurred, and that the test declares with `fails_on` or `refused_on`.
+/// A failure that the test declares with `fails_on` or `refused_on`, and that occurred.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnownIssue {
     /// The path's name, its adapter and its driver.
@@ -28,7 +28,7 @@ pub struct KnownIssue {
 /// The failures on several paths, for a message that contains more than one failure.
 #[derive(Debug)]
 pub struct PathFailures<E> {
-    /// The failures of paths with wrong values, and the errors of wrong declarations.
+    /// The failures of paths with wrong values, and the errors about wrong declarations.
     pub failures: Vec<E>,
     /// The paths that returned no values, each with the reason.
     pub stopped: Vec<(Adapter, E)>,
@@ -76,7 +76,7 @@ impl<E: Display> Display for PathFailures<E> {
     }
 }
 
-/// The error in a declaration (`fails_on`, `refused_on`): the declaration is wrong, or has no reason.
+/// The error in a declaration, such as `fails_on` or `refused_on`.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum WrongDeclaration {
     /// A path passes, although it is declared to fail.
@@ -125,7 +125,7 @@ pub enum WrongDeclaration {
     },
 }
 
-/// Returns an error if a declaration contains a text that isn't the name of a path.
+/// Returns an error if a declaration contains an unknown path's name.
 pub(crate) fn sound_paths<T>(
     setting: &'static str,
     declared: &Selected<T>,
@@ -134,8 +134,8 @@ pub(crate) fn sound_paths<T>(
 }
 
 impl WrongDeclaration {
-    /// Checks if a declared bug doesn't occur any more. Only such a declaration fails the check as a verdict. The other
-    /// wrong declarations are errors.
+    /// Checks if a declared bug no longer occurs. The record then has the verdict `fail`; for all other wrong
+    /// declarations, it has the verdict `error`.
     pub(crate) fn is_verdict(&self) -> bool {
         matches!(self, Self::UnexpectedPass { .. } | Self::NotRefused { .. })
     }
@@ -177,7 +177,7 @@ impl KnownIssues {
         self.values.is_empty() && self.refusals.is_empty()
     }
 
-    /// Checks if there is a declaration about this path.
+    /// Checks if a `fails_on` or a `refused_on` names this path.
     pub(crate) fn names(&self, path: Path, adapter: &Adapter) -> bool {
         self.values.on(path, adapter).or_else(|| self.refusals.on(path, adapter)).is_some()
     }
@@ -266,7 +266,7 @@ fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
     PathRecord { failures: 1, worst: worst.to_owned(), ..PathRecord::of(adapter) }
 }
 
-/// The judged values of a path.
+/// The results of a path, after Karat compared them with the expected values.
 pub(crate) struct Judged<V> {
     /// The record of the path. `conclude` adds the declared reason to the record.
     pub(crate) record: PathRecord,
@@ -276,7 +276,7 @@ pub(crate) struct Judged<V> {
 pub(crate) type JudgePath<'j, V, E> =
     &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
 
-/// The failure of a check: of a function, a frame or passes.
+/// The failure of a check of a function, a frame or compute passes.
 pub(crate) trait Stop: Fails + From<WrongDeclaration> {
     /// Checks if a path refused the program before any part of the program ran.
     fn is_refusal(&self) -> bool;
@@ -330,8 +330,8 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.known.extend(other.known);
     }
 
-    /// Returns the paths that agree, or all failures. `differ` makes the failures from the paths with wrong values and
-    /// the paths that agree.
+    /// Returns the paths that agree, or all failures. `differ` receives the paths with wrong values and the paths that
+    /// agree, and makes the failures.
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,

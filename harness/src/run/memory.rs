@@ -19,7 +19,7 @@ const HEAD: &str = "\
 # A line: function, check, path, arguments as hexadecimal u32s (or -), seed:case:steps # arguments
 ";
 
-/// The stored inputs on which one test has failed.
+/// The stored inputs on which one test failed.
 #[derive(Debug)]
 pub(crate) struct Memory {
     file: PathBuf,
@@ -31,7 +31,7 @@ pub(crate) struct Memory {
 pub(crate) struct Entry {
     pub(crate) function: String,
     pub(crate) check: String,
-    /// The path on which the input failed first. Karat tries the input on every path.
+    /// The first path on which the input failed. Karat tries the input on every path.
     pub(crate) path: String,
     /// The words of the arguments. Empty for a check of an integral, because the cases of such a check may have any
     /// type.

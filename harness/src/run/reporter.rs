@@ -44,11 +44,11 @@ pub(crate) struct Report {
     pub(crate) subject: Subject,
     pub(crate) paths: Vec<PathRecord>,
     pub(crate) read: Vec<FileRead>,
-    /// The part of compute passes that the sanitizer examined.
+    /// The part of the compute passes that the sanitizer checked; `None` if there are no passes.
     pub(crate) watched: Option<Watched>,
 }
 
-/// Runs a check, and then writes its record if `recorded` returns `true`.
+/// Runs a check. Then writes the check's record if `recorded` returns `true`.
 pub(crate) fn reported<T: Passed, E: Fails>(
     subject: Subject,
     recorded: &dyn Fn() -> bool,

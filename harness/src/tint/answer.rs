@@ -68,7 +68,7 @@ struct WrittenMessage {
     /// The position at which the message's range starts, in UTF-16 code units, as in WebGPU's GPUCompilationMessage.
     offset: usize,
     length: usize,
-    /// The line from 1, or 0 if the message has no position.
+    /// The line, counted from 1; 0 if the message has no position.
     line: usize,
 }
 
@@ -76,7 +76,7 @@ struct WrittenMessage {
 struct WrittenPipeline {
     entry_point: String,
     error: Option<String>,
-    /// The error if Karat's module `feeder` isn't valid.
+    /// The error in Karat's own module [`Pipeline::feeder`](super::Pipeline::feeder), if that module isn't valid.
     broke: Option<String>,
 }
 

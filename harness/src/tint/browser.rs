@@ -19,7 +19,7 @@ const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
     \"$0\" \"$@\" --user-data-dir=\"$d/profile\" \"file://$d/page.html\" 3<&0 4>&1 </dev/null >/dev/null; \
     rm -rf \"$d\"";
 
-/// The time limit for opening the file. A busy machine needs seconds.
+/// The time limit for opening the file. On a busy machine, opening takes several seconds.
 const LOADING: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(20);
 

@@ -1,4 +1,4 @@
-//! Classifies the reasons why Tint rejects modules that naga accepts, and has a remedy for each kind of reason.
+//! The kinds of reasons why Tint rejects modules that naga accepts, with a remedy for each kind.
 
 /// The kind of reason why Tint rejects a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -70,7 +70,7 @@ impl Asked {
     }
 }
 
-/// The first line that the process writes.
+/// The first line that the process writes: the version of the program with Tint, or an error.
 #[derive(Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Greeting {
@@ -133,8 +133,8 @@ impl Resident {
     }
 }
 
-/// The process's verdicts on all texts, in the order of the questions. If a text ends the process, Karat starts the
-/// process again.
+/// Tint's verdicts on all texts, in the order of the questions. If a text ends the process, Karat starts the process
+/// again.
 pub(super) fn ask(
     kind: &Kind,
     resident: &mut Option<Resident>,

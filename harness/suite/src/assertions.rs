@@ -66,7 +66,7 @@ impl Shared<'_> {
     }
 }
 
-/// The assertion of a key whose only possible value is `true`. `None` if the test doesn't have the key.
+/// The assertion for a key that must be `true`, such as `finite`. `None` if the test doesn't have the key.
 pub(crate) fn switched(
     key: &'static str,
     value: Option<bool>,
@@ -113,7 +113,7 @@ impl What {
         }
     }
 
-    /// The assertion's name in [`TAKEN`].
+    /// The name by which [`TAKEN`] lists the assertion.
     fn form(&self) -> &'static str {
         match self {
             Self::Integral(Integral { equals: None, .. }) => "integral at_most",
@@ -172,7 +172,7 @@ const WITHIN: [&str; 8] =
 const OF_BOTH: [&str; 7] =
     ["agrees_with", "table", "golden", "equals", "finite", "in_range", "no_hazards"];
 
-/// A key in the test file that none of the test's assertions accepts, with an error message.
+/// Finds a key in the test file that none of the test's assertions accepts. Returns the key and an error message.
 pub(crate) fn idle_key(
     whats: &[What],
     of_resource: bool,

@@ -55,8 +55,8 @@ pub(crate) struct Declared {
     /// The variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
-    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. A table below has the
-    /// keys.
+    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. A table below lists
+    /// the keys of each resource.
     #[serde(default)]
     after: BTreeMap<String, Expected>,
     /// Asserts that no operation in the passes has a hazard: `true`, or a list of kinds.
@@ -140,7 +140,7 @@ struct Expected {
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
     pub(crate) declared: Declared,
-    /// The paths of the entry points, and their workgroups.
+    /// For each pass, the entry point's path, and the number of workgroups in each direction.
     passes: Vec<(String, [u32; 3])>,
     /// The name of the resource that the assertion is about; empty for an assertion about the passes.
     variable: String,
@@ -156,7 +156,7 @@ pub(crate) struct Assertion {
     pub(crate) keys: Keys,
 }
 
-/// Refuses hazard kinds that Karat doesn't check in passes, because such an assertion could never fail.
+/// Returns an error for a hazard kind that Karat doesn't check in passes, because its assertion could never fail.
 fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
     let wrong = |why: &str| Err(Misdeclared::of("no_hazards")(format!("{}: {why}", kind.name())));
     match kind {
@@ -226,7 +226,7 @@ impl Expected {
 }
 
 impl Declared {
-    /// The passes in their order. `module` is the file's module.
+    /// The passes in their order. `module` is the module beside the test file.
     fn all_passes(&self, module: &str) -> Result<Vec<(String, [u32; 3])>, String> {
         let path = |entry: &str| match (module, entry.contains("::")) {
             ("", _) | (_, true) => entry.to_owned(),
@@ -321,7 +321,7 @@ impl Assertion {
         self.own(self.key())
     }
 
-    /// The path of an assertion's key below `[[compute]]`.
+    /// The full name of one of the assertion's keys in a `[[compute]]`, such as `after.sums.equals`.
     fn own(&self, key: &str) -> String {
         match self.variable.is_empty() {
             true => key.to_owned(),
@@ -344,7 +344,7 @@ impl Assertion {
         }
     }
 
-    /// All text on which the verdict depends, except for the contents of files.
+    /// All text on which the verdict depends, except for the contents of tables, goldens and images.
     pub(crate) fn normalized_text(&self, package: &Package) -> Option<String> {
         let mut text = format!("{:?} {} {:?}", self.declared, self.variable, self.what);
         let reference = if let What::AgreesWith(entry) = &self.what {
@@ -381,7 +381,7 @@ impl Assertion {
         }
     }
 
-    /// The end of a message about a table: the row of the first element that differs.
+    /// The last line of an error message about a table: the position of the row that differs first.
     pub(crate) fn row_of(&self, error: &ComputeError) -> Option<String> {
         let (What::Table(file), ComputeError::Differs(found)) = (&self.what, error) else {
             return None;
@@ -759,7 +759,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The first element that differs between two lists, and the number of elements that differ.
+/// Compares two lists, and returns the first element that differs, with the number of elements that differ.
 fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let pairs = was.chunks(width).zip(is.chunks(width)).enumerate();
@@ -769,7 +769,8 @@ fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     Some(Broken { failures: wrong.len(), first: Some(first) })
 }
 
-/// The first element of `is` that occurs more often in `is` than in `was`, or else an element that `is` lacks.
+/// The first element that occurs more often in `is` than in `was`. If there is none, an element of `was` that `is`
+/// lacks.
 fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let mut left: HashMap<&[u32], i64> = HashMap::new();

@@ -174,7 +174,8 @@ pub(crate) struct Declared {
     monotone: Option<BTreeMap<String, Direction>>,
     /// Asserts that the result approaches a value: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
     limit: Option<BTreeMap<String, Value>>,
-    /// Asserts the integral over the last argument, which is a direction. A table below has the keys.
+    /// Asserts the value of the integral over the last argument, which is a direction. A table below lists the keys of
+    /// `integral`.
     integral: Option<Integral>,
     /// Asserts that no operation in the function has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`.
     /// The function must not write storage.
@@ -290,7 +291,7 @@ pub(crate) struct Integral {
     pub(crate) equals: Option<Value>,
     /// The largest value that the integral may have.
     pub(crate) at_most: Option<Value>,
-    /// The absolute error by which rounding may exceed `at_most`.
+    /// The amount by which the computed integral may exceed `at_most`, because of rounding errors.
     pub(crate) slack: Option<f64>,
     /// The number of rings of directions in the quadrature.
     pub(crate) rings: Option<u16>,
@@ -315,7 +316,8 @@ pub(crate) struct Frame {
     vertex: Option<String>,
     /// The fragment function.
     fragment: Option<String>,
-    /// Several draws, which run in this order. Replaces the keys `vertex` and `fragment`. A table below has the keys.
+    /// Several draws, which run in this order. Replaces the keys `vertex` and `fragment`. A table below lists the keys
+    /// of a draw.
     #[serde(default)]
     draws: Vec<draws::Declared>,
     /// The number of samples of each pixel: 1 or 4.
@@ -443,7 +445,7 @@ impl Frame {
     }
 }
 
-/// The folder of goldens, beside the test file.
+/// The name of the folder with goldens, which is beside the test file.
 pub(crate) const GOLDEN: &str = "golden";
 
 impl Assertion {
@@ -460,13 +462,14 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The position of a key; without a key, the position of the assertion.
+    /// The position of `key`; if `key` is `None`, the position of the assertion.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
         named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
-    /// The tolerance. For integers and booleans, the default is exact. For floats, a missing tolerance is an error.
+    /// The test's tolerance. For integers and booleans, the default is `exact`. For floats, a missing tolerance is an
+    /// error.
     pub(crate) fn tolerance(&self, result: &Shape) -> Result<&str, String> {
         let is_exact = result.lanes().iter().all(|lane| !lane.is_float());
         let exact = is_exact.then_some("exact");

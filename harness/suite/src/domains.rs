@@ -135,7 +135,7 @@ fn varying(
     Ok(all)
 }
 
-/// The domain with a name that only vectors have, such as `"unit_vector"`; `None` if the text isn't such a name.
+/// A domain that only vectors have, by its name, such as `"unit_vector"`; `None` if the text isn't such a name.
 fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
     let size = match shape {
         Shape::Vector { size, scalar: Scalar::F32 } => *size,

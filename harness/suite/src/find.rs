@@ -114,8 +114,8 @@ fn stem_of(name: &str) -> Option<&str> {
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
-/// Checks if a file with another name, such as `tests.toml`, declares tests. The author of the file probably expects
-/// these tests to run.
+/// Checks if a file declares tests, although its name doesn't end in `.test.toml`. The author probably expects these
+/// tests to run.
 fn declares(file: &Path, name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
     // Skips the copies that editors and git make, and Cargo's files.

@@ -34,7 +34,7 @@ const FACE: u32 = 64;
 /// The width and height of a texture with equal texels.
 const SIDE: u32 = 16;
 
-/// The number of samples of a multisampled texture's texel. All samples are equal.
+/// The number of samples in each texel of a multisampled texture. All samples are equal.
 const SAMPLES: u32 = 4;
 
 /// Makes the fixture that a test or a command binds to a variable. Files are relative to `folder`.
@@ -564,7 +564,7 @@ fn spread(
     (element, length): (&Shape, u32),
     table: &toml::Table,
 ) -> Result<Vec<u32>, String> {
-    /// The largest buffer that each device supports, in 32-bit words: 128 MiB.
+    /// The size in 32-bit words of the largest buffer that every device supports: 128 MiB.
     const MOST: usize = 1 << 25;
     let fixed = Some(length as usize).filter(|length| *length > 0);
     let known = ["size", "value", "range", "seed"];
@@ -746,7 +746,8 @@ mod tests {
         }
     }
 
-    /// A sample from few values isn't sorted, and depends on the seed.
+    /// The sampled elements aren't sorted, even if their range has fewer values than the array has elements. They
+    /// depend on the seed.
     // Lesson 141
     #[test]
     fn ranges_are_drawn_by_their_seed() {

@@ -102,13 +102,14 @@ impl Test {
         passes.into_iter().flat_map(|passes| passes.entries())
     }
 
-    /// The entry points of a frame's draws. Empty for other tests.
+    /// The entry points of a frame's draws. Empty if the test isn't a frame.
     pub fn draws(&self) -> impl Iterator<Item = String> {
         let frame = if let Kind::Frame(frame) = &self.kind { Some(frame) } else { None };
         frame.into_iter().flat_map(|frame| frame.entries())
     }
 
-    /// Checks if the name of the test, of a function that it calls, or of its golden contains `words`.
+    /// Checks if `words` occur in the name of the test, of a function that the test calls, or of an entry point that
+    /// the test dispatches.
     #[must_use]
     pub fn is_about(&self, words: &str) -> bool {
         let has = |name: &str| name.contains(words);
@@ -142,8 +143,8 @@ pub struct Broken {
     pub name: String,
     /// The error, with its position.
     pub wrong: Wrong,
-    /// `true` for an error in a test file, or in a file that its author probably meant as a test file. Such an error
-    /// counts in any package. A module with an error, in contrast, may be valid together with modules of other
+    /// `true` for an error in a test file, or in a file that its author probably meant as a test file. Such an error is
+    /// a failure in any package. A module with an error, in contrast, may be valid together with modules of other
     /// packages.
     pub is_file: bool,
 }

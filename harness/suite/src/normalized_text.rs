@@ -110,7 +110,7 @@ fn values(table: &toml::Table) -> Vec<&Value> {
     table.iter().filter(|(key, _)| *key != "range").map(|(_, value)| value).collect()
 }
 
-/// The files that a test's `with` names.
+/// Adds the files that a test's `with` names to `all`.
 fn named<'v>(
     with: impl IntoIterator<Item = &'v Value>,
     folder: &Path,
@@ -128,7 +128,7 @@ fn named<'v>(
     }
 }
 
-/// The hashes of the images and value files that a test binds, also of files in lists.
+/// The hashes of the images and value files that a test binds, including files in lists.
 fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
     with.try_fold(String::new(), |all, value| {
         Some(match value {

@@ -58,8 +58,8 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// Checks if a component can represent a number. Integers and `bool` must represent the number exactly. For floats, the
-/// number must not overflow.
+/// Checks if a component of type `scalar` can have the value `number`. For integers and `bool`, the value must be
+/// exact. For floats, the number must not overflow.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,

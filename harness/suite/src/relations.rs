@@ -40,7 +40,7 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     })
 }
 
-/// Returns the domain in which vectors are perpendicular to other vectors, as `over` declares.
+/// Restricts `domain`, so that vectors are perpendicular to other vectors where `over` has `perpendicular_to`.
 pub(crate) fn related(
     domain: Dynamic,
     parameters: &[(String, Shape)],

@@ -131,8 +131,8 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
-    /// Writes the error of a test, module or file that can't run into the record. No check does this, because no check
-    /// runs.
+    /// Adds to the record the error of a test, module or file that can't run. Usually a check writes the record, but
+    /// here no check runs.
     ///
     /// # Panics
     /// If no thread can start.
@@ -256,7 +256,7 @@ fn violations_of(error: &ComputeError) -> Option<String> {
     Some(headlines.collect::<Vec<_>>().join("\n"))
 }
 
-/// The end of a message about a table: the position of the worst case's row.
+/// The last line of an error message about a table: the position of the worst case's row.
 fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
     let What::Table(file) = what else { return None };
     let found = match failure {
@@ -315,8 +315,8 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdecla
     Ok(check.cases(test.cases.unwrap_or(CASES)).try_expects())
 }
 
-/// The default number of cases for a WGSL test with parameters. The number is small because each case has its own
-/// report.
+/// The default number of cases for a WGSL test with parameters. The number is small because the shader reports the
+/// failed expectations of each case.
 const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
@@ -565,7 +565,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     }
 }
 
-/// Adds the settings that all assertions of a test share.
+/// Adds to a check the settings that all assertions of a test share.
 fn settled<'p>(
     mut check: Check<'p, Calls<Words>>,
     Assertion { test, what, .. }: &Assertion,

@@ -89,8 +89,8 @@ impl Wrong {
     }
 }
 
-/// Makes the error of a failed check, of passes or of a frame. The error's position is the shader's line in the
-/// message. If the message has no such line, the position is that of the test's key that caused the failure.
+/// Makes a test's error from the failure of the test's check. The error's position is the shader's line in the message.
+/// If the message has no such line, the position is that of the test's key that caused the failure.
 pub(crate) fn blamed(
     failure: &impl Fails,
     key_of_entry: &dyn Fn(&str) -> Option<String>,
@@ -171,7 +171,7 @@ impl Misdeclared {
         move |message| Self { key: Some(format!("with.{name}")), message, place: None }
     }
 
-    /// Prefixes the error's key with the key of the table that contains it.
+    /// Prefixes the error's key with `key`, the table that contains the error's key.
     pub(crate) fn below(self, key: &str) -> Self {
         let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));
         Self { key: Some(key), ..self }

@@ -27,7 +27,8 @@ fn files(folder: &Path) -> Vec<String> {
 /// The environment variable with the folder into which the child process of `a_full_disk_leaves_the_old_file` writes.
 const PLACE: &str = "KARAT_TEST_FULL_DISK";
 
-/// The next test runs this test in a process in which no file may grow beyond 8 or 16 KB.
+/// The child process of `a_full_disk_leaves_the_old_file` runs this test. In this process, no file may grow beyond 8 or
+/// 16 KB.
 #[cfg(target_os = "linux")]
 #[test]
 fn child_on_a_full_disk() {

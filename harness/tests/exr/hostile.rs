@@ -19,7 +19,7 @@ use super::{CODECS, SIZE, data, encode, file, layer, message, place, rgba};
 
 /// The memory in bytes that a codec may use in addition to the pixels, for the tables of PIZ and DWA.
 const TABLES: u64 = 4 << 20;
-/// The memory that decoding may use in addition to the file, as a multiple of the pixels that the header declares.
+/// The memory that decoding may use for pixels, as a multiple of the size of the pixels that the header declares.
 const TIMES: u64 = 4;
 
 /// A random number generator. The test doesn't use a crate's generator, so that no update of a crate changes the
@@ -206,7 +206,8 @@ fn damaged(kind: usize, seed: &Seed, other: &Seed, random: &mut Random) -> Vec<u
     bytes
 }
 
-/// The number of bytes that the pixels of all data windows of a file need, or Karat's limit if that is smaller.
+/// The number of bytes that a file's pixels need according to its data windows, or Karat's limit if the limit is
+/// smaller.
 fn announced(bytes: &[u8]) -> u64 {
     let name = b"dataWindow\0box2i\0";
     let windows = bytes.windows(name.len() + 20).filter(|window| window.starts_with(name));

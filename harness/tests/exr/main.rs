@@ -21,7 +21,7 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/exr").join(name)
 }
 
-/// The error of `read` for these bytes.
+/// The message of the error that `read` returns for a file with these bytes.
 fn message<T>(bytes: &[u8], read: fn(&Path) -> Result<T, karat::image::ImageError>) -> String {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.exr");
