@@ -1,4 +1,5 @@
-//! Rust twin of `compensation.wgsl`: adds the light of multiple reflections, which a model of single reflections loses.
+//! Rust counterpart of `compensation.wgsl`: adds the light of multiple reflections, which a model of single reflections
+//! loses.
 
 use glam::{DVec2, DVec3};
 
@@ -15,8 +16,8 @@ pub fn compensated(f0: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + light * f0 * (1.0 - furnace) / furnace
 }
 
-/// Computes the model of Kulla and Conty 2017: the specular interface reflects the part E of the light, and the diffuse
-/// layer below gets 1 - E.
+/// Computes the model of Kulla and Conty 2017: the specular interface reflects the share E of the light, and the
+/// diffuse layer below gets 1 - E.
 #[must_use]
 pub fn coupled(f0: DVec3, diffuse: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + (DVec3::ONE - directional_albedo(f0, table)) * diffuse

@@ -1,7 +1,8 @@
-//! Generated programs with a few atomics. A test of passes must find each outcome that some order of the atomics has.
+//! Generated programs with a few atomics. A test of passes must find each outcome that at least one order of the
+//! atomics can have.
 //!
 //! The programs have no races, so the outcome of a program depends only on the order of its atomics. A simple
-//! interpreter in this file runs all orders, to know all outcomes.
+//! interpreter in this file runs each program in all orders, and so finds all its outcomes.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -66,7 +67,7 @@ fn outcomes(program: &[Vec<Step>]) -> BTreeSet<Vec<u32>> {
     all
 }
 
-/// A program whose last invocation writes 1 if it reads the given outcome, and otherwise 2.
+/// The WGSL text of a program. The last invocation writes 2 if it reads the values of `outcome`, and otherwise 1.
 fn text(program: &[Vec<Step>], places: &[u32], outcome: &[u32]) -> String {
     let mut text = "@group(0) @binding(0) var<storage, read_write> a: array<atomic<u32>, 3>;\n\
                     @group(0) @binding(1) var<storage, read_write> out: array<u32, 1>;\n\
@@ -141,7 +142,7 @@ fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
 // Lesson 216
 #[test]
 fn tests_nearly_always_find_outcomes_of_unusual_orders() {
-    /// The number of programs. The tests must find the forbidden outcomes of at least `LEAST` programs.
+    /// The number of generated programs. The tests must find the forbidden outcomes of at least `LEAST` programs.
     const COUNT: usize = 150;
     const LEAST: usize = 150;
     let mut random = Random(0x6f72_6465);
@@ -218,9 +219,9 @@ fn litmus(first: &str, second: &str, workgroups: u32) -> String {
     )
 }
 
-/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). Karat finds each outcome that WGSL allows
-/// and that no order of sequentially consistent atomics has. The only exception needs a store that takes effect before
-/// an earlier load.
+/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). With relaxed atomics, WGSL allows
+/// outcomes that sequentially consistent atomics have in no order. Karat finds these outcomes, with one exception: the
+/// outcome that needs a store to take effect before an earlier load.
 // Lesson 217
 #[test]
 fn outcomes_of_relaxed_atomics_are_met() {

@@ -237,7 +237,8 @@ fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
     parts.into_iter().map(|rest| rest.split("```").next().unwrap_or_default()).collect()
 }
 
-/// The text of a sample without blanks, trailing commas, and the code around a test in its file.
+/// The text of a sample without white space, without trailing commas, and without lines such as `use ...` and
+/// `#[test]`.
 fn plain(text: &str) -> String {
     let around = ["use ", "// tests/", "// shaders/", "#[test]", "static "];
     let kept =
