@@ -50,7 +50,7 @@ pub enum Kind {
     },
     /// A sampler.
     Sampler,
-    /// A storage texture, or a resource of a WGSL extension, such as an acceleration structure.
+    /// A storage texture, a multisampled texture, or a resource of a WGSL extension, such as an acceleration structure.
     Other,
 }
 
