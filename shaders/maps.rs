@@ -12,13 +12,13 @@ pub const ACROSS: u32 = 3;
 pub const DOWN: u32 = 2;
 
 karat::shareable! {
-    /// The settings of a map.
+    /// The settings of a frame that becomes a map.
     pub struct MapSettings mirrors MapSettingsMirror {
         /// The width in texels of a face, or of the table that `specular::split_sum_table` fills.
         side: u32,
-        /// Directions for each texel.
+        /// The number of directions for each texel.
         samples: u32,
-        /// The GGX width of a prefiltered level.
+        /// The GGX width of a prefiltered mip level.
         alpha: f32,
     }
 }

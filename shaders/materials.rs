@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-/// The materials of the test scene's columns, from left to right.
+/// The names of the materials in the test scene's columns, from left to right.
 pub const NAMES: [&str; 8] = [
     "red plastic",
     "green plastic",
@@ -17,7 +17,7 @@ pub const NAMES: [&str; 8] = [
 /// Reflectance at normal incidence of a dielectric of index 1.5.
 const DIELECTRIC_F0: f32 = 0.04;
 
-/// Albedo and reflectance at normal incidence of each column, in linear sRGB.
+/// The albedo and the reflectance at normal incidence of each column's material, in linear sRGB.
 ///
 /// The values of metals are from Akenine-Moeller et al. 2018 (Real-Time Rendering, 4th edition), table 9.2. Sources
 /// differ, most of all for iron. The red channel of gold is 1.022 in linear sRGB, because gold is outside the gamut.

@@ -18,18 +18,18 @@ pub const SPACING: DVec2 = DVec2::new(3.2, 2.2);
 karat::shareable! {
     /// The numbers of directions from which each pixel gathers light.
     pub struct Samples mirrors SamplesMirror {
-        /// Directions for the diffuse term.
+        /// The number of directions for the diffuse term.
         diffuse: u32,
-        /// Directions for the specular term.
+        /// The number of directions for the specular term.
         specular: u32,
     }
 }
 
 impl Samples {
-    /// Numbers that are small enough for a software rasteriser. They are powers of two, so that dividing by them
-    /// doesn't round.
+    /// Numbers of directions that are small enough for a software rasteriser. The numbers are powers of two, so that
+    /// dividing by them causes no rounding.
     pub const DEFAULT: Self = Self { diffuse: 256, specular: 512 };
-    /// Numbers for estimators that read higher mip levels.
+    /// Numbers of directions for estimators that read higher mip levels.
     pub const FILTERED: Self = Self { diffuse: 64, specular: 64 };
 }
 

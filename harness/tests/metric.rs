@@ -69,7 +69,7 @@ fn published(name: &str) -> Vec<f32> {
     bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
-/// Each case has a name, the first and the last exposure, and the number of pixels per degree.
+/// For each case: the name, the first and the last exposure in stops, and the number of pixels per degree.
 const CASES: [(&str, f64, f64, f32); 6] = [
     ("noise", -3.0, 2.0, Flip::MEAN.pixels_per_degree),
     ("edges", -6.0, 1.0, Flip::MEAN.pixels_per_degree),
@@ -329,7 +329,7 @@ fn a_gate_finds_the_one_wrong_channel() {
     }
 }
 
-/// An image is stored as half floats if rounding changes each value by at most half of the tolerance.
+/// Karat stores an image as half floats if rounding changes each value by at most half of the tolerance.
 #[test]
 fn an_image_is_stored_as_precisely_as_the_gate_compares() {
     let gate = |relative| Gate { relative, absolute: None };

@@ -36,7 +36,8 @@ fn run((at, atomic): Step, memory: &mut [u32; WORDS]) -> u32 {
     if let Atomic::Store(_) = atomic { 0 } else { old }
 }
 
-/// All outcomes of a program. An outcome is the list of values that the last invocation reads in one order.
+/// All outcomes of a program. An outcome is the list of values that the last invocation reads in one order of the
+/// atomics.
 fn outcomes(program: &[Vec<Step>]) -> BTreeSet<Vec<u32>> {
     fn go(
         program: &[Vec<Step>],
@@ -128,7 +129,7 @@ impl Random {
     }
 }
 
-/// Runs a test of the program `text`. The test fails if `out[0]` isn't 1 in some order.
+/// Runs a test of the program `text`. The test fails if `out[0]` differs from 1 after at least one order.
 fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
     let package = Package::from_source("m", text);
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");

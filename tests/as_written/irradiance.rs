@@ -168,8 +168,8 @@ fn stored_irradiance_is_already_divided_by_pi() {
     }
 }
 
-/// Mistake E19: the test contains the last line of the article's shader, `return float4( PI * sampledColour / index), 1
-/// );`, in WGSL.
+/// Mistake E19: the test contains the last line of the article's shader in WGSL:
+/// `return float4( PI * sampledColour / index), 1 );`.
 #[test]
 fn an_unbalanced_parenthesis_is_shown_where_it_is() {
     let text = "const PI: f32 = 3.14159265;\n\n\

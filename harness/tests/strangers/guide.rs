@@ -264,8 +264,8 @@ fn the_guide_has_these_samples() {
     assert_eq!(count, 18);
 }
 
-/// The tests of the samples use each shader of the guide, with these exceptions. `harness/tests/package.rs` and
-/// `harness/cli/tests/cli/asserts.rs` test the shaders with `@if`. No test imports Bevy's shader, because the test
+/// The tests of the samples use each shader of the guide, except for the following shaders. `harness/tests/package.rs`
+/// and `harness/cli/tests/cli/asserts.rs` test the shaders with `@if`. No test imports Bevy's shader, because the test
 /// would fetch a crate. The crate karat-suite tests the shaders with `@test`. `cargo ci dist` runs the shaders of the
 /// page for the web, and `harness/cli/tests/cli/tutorial.rs` runs the shaders of the tutorial.
 // Lesson 137
