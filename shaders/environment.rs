@@ -99,8 +99,8 @@ pub fn cube_map(size: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<[f32; 4]> {
     texels
 }
 
-/// Returns the point of the cube of side 2 that a face's texture coordinates show. `u` goes from 0 at the left to 1 at
-/// the right, and `v` from 0 at the top to 1 at the bottom.
+/// Returns the point at the texture coordinates `u` and `v` of a face, on the surface of the cube of side 2. `u` goes
+/// from 0 at the left to 1 at the right, and `v` from 0 at the top to 1 at the bottom.
 ///
 /// WebGPU uses the convention of Direct3D: seen from inside the cube, with Y up, faces appear mirrored. (Vulkan 1.3,
 /// section 16.5.4, has the same table.)

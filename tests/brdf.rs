@@ -112,8 +112,8 @@ fn microfacet_eval_with_little_reflectance() {
 }
 
 /// An error in the normal turns the mirrored direction by twice this error. WGSL's sin and cos give the normal an error
-/// of at most 2^-11 divided by the length of its halfway vector (`sampling::ggx_visible_normal`). The test leaves out
-/// one normal in 64, for which that length is below 1/4.
+/// of at most 2^-11 divided by the length of the halfway vector from which `sampling::ggx_visible_normal` computes the
+/// normal. The test leaves out one normal in 64, for which that length is below 1/4.
 #[test]
 fn microfacet_sample() {
     let domain = (ALPHA, Hemisphere, square()).filter(|(alpha, v, u)| {
@@ -134,7 +134,8 @@ fn microfacet_pdf() {
     PBR.function("brdf::microfacet_pdf").over(lobes()).agrees_with(brdf::microfacet_pdf, Ulp(40.0));
 }
 
-/// Compares the shader's formula with f cos / pdf for each light, including lights that no sample reaches.
+/// Compares the shader's formula with f cos / pdf for each direction of light, including directions that no sample
+/// reaches.
 #[test]
 fn microfacet_weight() {
     PBR.function("brdf::microfacet_weight")

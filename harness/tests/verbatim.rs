@@ -335,8 +335,8 @@ fn damaged(texts: &[Vec<String>], number: usize) -> String {
     pieces.concat()
 }
 
-/// Checks that Karat and naga both accept a text or both refuse it. Only WESL may be an exception. Returns `true` if
-/// naga accepts the text.
+/// Checks that Karat and naga both accept a text or both refuse it. There is one exception: Karat may also accept WESL,
+/// which naga refuses. Returns `true` if naga accepts the text and the text contains no null character.
 fn compare(text: &str, number: usize) -> bool {
     let package = Package::from_source("damaged", text);
     let karat = Program::of_module(&package, "");

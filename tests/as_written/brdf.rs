@@ -183,8 +183,8 @@ fn without_g_grazing_views_glow() {
     furnace().agrees_with(|_| DVec3::splat(expected), Rel(1e-4));
 }
 
-/// With clamped cosines, the BRDF isn't 0 for light from below. At alpha = 1, seen from above, the BRDF is 1 / (2 pi (1
-/// + 0.001)) = 0.159 for light from each tested direction.
+/// With clamped cosines, the BRDF isn't 0 for light from below. At alpha = 1, seen from above, the BRDF is 1 / (2.002
+/// pi) = 0.159 for light from each tested direction.
 #[test]
 fn clamped_dots_reflect_light_from_below() {
     let clamped = || PBR.function("as_written::brdf::microfacet_of_clamped_dots");
