@@ -1,9 +1,9 @@
-//! Rust twin of `brdf.wgsl`: complete BRDFs in textbook form, and a quadrature rule for their integrals.
+//! Rust counterpart of `brdf.wgsl`: complete BRDFs in textbook form, and a quadrature rule for their integrals.
 //!
 //! Directions are in the local frame, in which +Z is the normal. `v` and `l` are unit vectors. A BRDF is in 1/sr, and
-//! doesn't contain the cosine of `l`. The probability density of a direction is in 1/sr. BRDF and density are 0 where
-//! `v` or `l` is at or below the horizon. `f0` and `albedo` are reflectances per channel. `alpha` is the width of the
-//! distribution of normals, in (0, 1].
+//! doesn't contain the cosine of `l`. The probability density of a direction is in 1/sr. The BRDF and the density are 0
+//! where `v` or `l` is at or below the horizon. `f0` and `albedo` are reflectances per channel. `alpha` is the width of
+//! the distribution of normals, in (0, 1].
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 
@@ -48,7 +48,8 @@ pub fn microfacet_sample(alpha: f64, v: DVec3, u: DVec2) -> DVec3 {
     mirrored(v, sampling::ggx_visible_normal(alpha, v, u))
 }
 
-/// Computes the density of a sampled direction: the density of the normal (Heitz 2018, eq. 3 and 17), divided by 4 V.H.
+/// Computes the density of a direction that `microfacet_sample` returns: the density of the normal (Heitz 2018, eq. 3
+/// and 17), divided by 4 V.H.
 #[must_use]
 pub fn microfacet_pdf(alpha: f64, v: DVec3, l: DVec3) -> f64 {
     if !above_horizon(v, l) {
@@ -86,7 +87,8 @@ pub fn cook_torrance_sample(alpha: f64, v: DVec3, u: DVec2) -> DVec3 {
     mirrored(v, sampling::beckmann_normal(alpha, u))
 }
 
-/// Computes the density of Walter et al. 2007, eq. 24 and 14: D N.H / (4 V.H).
+/// Computes the density of a direction that `cook_torrance_sample` returns, by Walter et al. 2007, eq. 24 and 14: D N.H
+/// / (4 V.H).
 #[must_use]
 pub fn cook_torrance_pdf(alpha: f64, v: DVec3, l: DVec3) -> f64 {
     if !above_horizon(v, l) {
@@ -135,12 +137,13 @@ pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
 }
 
 /// Returns directions `l` above the horizon with their weights in sr, for integrals over the hemisphere. The sum of
-/// f(l) times weight is the integral of f. The rule is accurate for smooth functions, and for lobes of width `alpha`
-/// around the mirror direction of `v`.
+/// f(l) times the weight of l approximates the integral of f. The rule is accurate for smooth functions, and for lobes
+/// of width `alpha` around the mirror direction of `v`.
 ///
-/// The points of the rule are half vectors; dl = 4 V.H dh. For each azimuth, the polar angle of the half vectors ends
-/// where `l` meets the horizon, because a quadrature rule loses its accuracy at a jump of the integrand. `v` must be
-/// above the horizon. The integrand must be symmetric about the plane of `v` and the normal, as a BRDF is.
+/// The points of the rule are half vectors. A solid angle dh of half vectors gives the solid angle dl = 4 V.H dh of
+/// directions. For each azimuth, the polar angle of the half vectors ends where `l` meets the horizon. There the
+/// integrand jumps to 0, and a rule across this jump would lose its accuracy. `v` must be above the horizon. The
+/// integrand must be symmetric about the plane of `v` and the normal, as a BRDF is.
 #[must_use]
 pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(DVec3, f64)> {
     let sin_v = v.x.hypot(v.y);
@@ -150,13 +153,14 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
     })
 }
 
-/// Returns the points of the rule: `v` mirrored at half vectors, with weights. The half vectors go up to the polar
-/// angle `limit`, a function of the azimuth's cosine.
+/// Returns the points of the rule: `v` mirrored at half vectors, with weights. At each azimuth, the polar angle of the
+/// half vectors goes up to `limit(cos(azimuth))`.
 ///
 /// The rule has `rings` Gauss-Legendre points in y, where theta = alpha sinh(y). So the points cover both a lobe and
-/// its tail. Each quarter of azimuth has `spokes` points. The points are denser at right angles to the plane of `v`,
-/// where a grazing view makes the limit steep. The integrand is symmetric about that plane, so the azimuths cover only
-/// 180 degrees, with twice the weight. The half vectors lie alternately on both sides of the plane.
+/// its tail. Each quarter of azimuth has `spokes` points. The points are denser near azimuths at right angles to the
+/// plane of `v`, where `limit` changes quickly if the view is grazing. The integrand is symmetric about that plane, so
+/// the azimuths cover only 180 degrees, with twice the weight. The half vectors lie alternately on both sides of the
+/// plane.
 fn sweep(
     alpha: f64,
     v: DVec3,
@@ -224,8 +228,8 @@ mod tests {
         DVec3::new(0.6 * sin, -0.8 * sin, cos)
     }
 
-    /// The solid angle of the sampled directions, divided by the area of their random numbers around `u`, from central
-    /// differences. This quotient is 1 / density.
+    /// The factor by which `sample` maps a small area of random numbers around `u` to a solid angle, computed by
+    /// central differences. This factor is 1 / density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);

@@ -1,4 +1,4 @@
-//! Rust twin of `camera.wgsl`: the camera of a frame.
+//! Rust counterpart of `camera.wgsl`: the camera of a frame.
 
 use glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
 use glam::{DMat4, DVec2, DVec3, Mat4, Vec3};
@@ -22,7 +22,7 @@ pub struct Setup {
     pub target: DVec3,
     /// The vertical field of view in radians.
     pub field_of_view: f64,
-    /// The distances of the near and the far plane.
+    /// The distances of the near and the far plane from the camera.
     pub depth: [f64; 2],
 }
 
@@ -37,8 +37,8 @@ impl Setup {
     }
 }
 
-/// Returns the direction in which a camera sees the point `ndc`: the vector from the near plane to the far plane, by
-/// the inverse of the matrix. The vector isn't normalised.
+/// Returns the direction in which a camera sees the point `ndc`. The function uses the inverse of the matrix to compute
+/// the vector from the near plane to the far plane at this point. The vector isn't normalised.
 #[must_use]
 pub fn view_direction(view_projection: DMat4, ndc: DVec2) -> DVec3 {
     let inverse = view_projection.inverse();

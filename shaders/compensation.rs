@@ -1,22 +1,24 @@
-//! Rust twin of `compensation.wgsl`: adds the light of multiple reflections, which a model of single reflections loses.
+//! Rust counterpart of `compensation.wgsl`: adds the light of multiple reflections, which a model of single reflections
+//! loses.
 
 use glam::{DVec2, DVec3};
 
-/// Computes f0 A + B, as in Karis 2013, "Environment BRDF".
+/// Computes f0 A + B, where A and B are the two values of `table`, as in Karis 2013, "Environment BRDF".
 #[must_use]
 pub fn directional_albedo(f0: DVec3, table: DVec2) -> DVec3 {
     f0 * table.x + DVec3::splat(table.y)
 }
 
-/// Computes Turquin 2019, eq. 16: the light of one reflection, times 1 + F0 (1 - E) / E.
+/// Computes Turquin 2019, eq. 16: the light of one reflection, times 1 + F0 (1 - E) / E. E is the directional albedo at
+/// f0 = 1.
 #[must_use]
 pub fn compensated(f0: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     let furnace = table.x + table.y;
     light + light * f0 * (1.0 - furnace) / furnace
 }
 
-/// Computes the model of Kulla and Conty 2017: the specular interface reflects the part E of the light, and the diffuse
-/// layer below gets 1 - E.
+/// Computes the model of Kulla and Conty 2017: the specular interface reflects the share E of the light (the
+/// directional albedo), and the diffuse layer below gets 1 - E.
 #[must_use]
 pub fn coupled(f0: DVec3, diffuse: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + (DVec3::ONE - directional_albedo(f0, table)) * diffuse

@@ -1,4 +1,4 @@
-//! Rust twin of `distribution.wgsl`: distributions of microfacet normals in textbook form.
+//! Rust counterpart of `distribution.wgsl`: distributions of microfacet normals in textbook form.
 //!
 //! Results are densities in 1/sr. The integral of D cos is 1, and D is 0 at and below the horizon. `alpha` is a width
 //! in (0, 1], `n_dot_h` is a cosine, and `n` and `h` are unit vectors.
@@ -72,8 +72,8 @@ fn beckmann_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     (-slope).exp() / (PI * alpha * alpha * cos.powi(4))
 }
 
-/// The squared tangent of the angle with cosine `c`. A cosine above 1, from rounding, counts as a cosine equally far
-/// below 1.
+/// The squared tangent of the angle with cosine `c`. If rounding puts the cosine above 1, the function treats it as a
+/// cosine equally far below 1.
 fn tan2(c: f64) -> f64 {
     (1.0 - c).abs() * (1.0 + c) / (c * c)
 }

@@ -1,4 +1,4 @@
-//! Rust twin of `environment.wgsl`: the light of the test scene and its cube map.
+//! Rust counterpart of `environment.wgsl`: the light of the test scene and its cube map.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3, Vec2};
 /// Faces in the order of WebGPU's array layers: +X, -X, +Y, -Y, +Z, -Z.
 pub const FACES: usize = 6;
 
-/// Returns the radiance of a procedural photo studio, in linear RGB, from `direction`. The direction has any length
+/// Returns the radiance of a procedural photo studio, in linear RGB, from `direction`. `direction` may have any length
 /// except 0.
 ///
 /// The studio has features that distinguish materials: broad dim light for the diffuse term, two soft boxes with edges
@@ -36,7 +36,8 @@ pub fn studio(direction: DVec3) -> DVec3 {
     room + key.seen_from_centre(d) + fill.seen_from_centre(d) + sun(d)
 }
 
-/// A warm lamp: its radiance is 50 at the centre, and falls smoothly to 0 at 16 degrees.
+/// A warm lamp: its radiance in the red channel is 50 at the centre, and falls smoothly to 0 at 16 degrees from the
+/// centre.
 ///
 /// If a shader samples 64 directions on the hemisphere, they are about 18 degrees apart. A sun of a few degrees would
 /// lie between these directions, and each diffuse sphere would show 64 copies of the sun.
@@ -74,7 +75,7 @@ impl SoftBox {
     }
 }
 
-/// Rises from 0 at `from` to 1 at `to` in the form of a cosine, so the slope is continuous.
+/// A ramp from 0 at `from` to 1 at `to`. The ramp has the form of a cosine, so its slope is continuous.
 fn ramp(from: f64, to: f64, x: f64) -> f64 {
     let t = ((x - from) / (to - from)).clamp(0.0, 1.0);
     (t * FRAC_PI_2).sin().powi(2)
@@ -98,8 +99,8 @@ pub fn cube_map(size: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<[f32; 4]> {
     texels
 }
 
-/// Returns the point of the cube of side 2 that a face's texture coordinates show. `u` goes from 0 at the left to 1 at
-/// the right, and `v` from 0 at the top to 1 at the bottom.
+/// Returns the point at the texture coordinates `u` and `v` of a face, on the surface of the cube of side 2. `u` goes
+/// from 0 at the left to 1 at the right, and `v` from 0 at the top to 1 at the bottom.
 ///
 /// WebGPU uses the convention of Direct3D: seen from inside the cube, with Y up, faces appear mirrored. (Vulkan 1.3,
 /// section 16.5.4, has the same table.)
@@ -132,7 +133,7 @@ karat::shareable! {
 }
 
 /// Converts a direction to a face and a position on it, as a sampler does: by the table in Vulkan 1.3, section 16.5.4,
-/// and the equations in 16.5.5. On edges Z takes precedence over Y, and Y over X.
+/// and the equations in 16.5.5. On an edge between two faces, the Z face takes precedence over Y, and Y over X.
 #[must_use]
 pub fn face_point(r: DVec3) -> FacePointMirror {
     let major = r.abs().max_element();
@@ -170,7 +171,7 @@ pub fn equirectangular_direction(uv: DVec2) -> DVec3 {
 }
 
 /// Returns the vector from `centre` to the point at which a ray leaves a box. As in Kay and Kajiya 1986, a box is the
-/// intersection of three slabs, so a ray leaves the box where the ray first leaves a slab.
+/// intersection of three slabs, so the ray leaves the box at the first point where it leaves one of the slabs.
 ///
 /// `position` and `centre` are in the box. A ray parallel to a slab never leaves the slab.
 #[must_use]
@@ -220,8 +221,8 @@ pub fn half_sky(axis: DVec3) -> impl Fn(DVec3) -> DVec3 {
     move |d| DVec3::splat(if axis.dot(d) >= 0.0 { 1.0 } else { 0.0 })
 }
 
-/// Returns a black sky with a sun around the unit vector `axis`. The sun's radius is `half_angle` in radians. A surface
-/// that faces the sun gets the irradiance pi, as below a white sky.
+/// Returns a black sky with a sun around the unit vector `axis`. `half_angle` is the sun's angular radius in radians. A
+/// surface that faces the sun gets the irradiance pi, the same as from a white sky.
 pub fn small_sun(axis: DVec3, half_angle: f64) -> impl Fn(DVec3) -> DVec3 {
     // The radiance is pi / int cos dw = pi / (pi sin^2).
     let radiance = half_angle.sin().powi(-2);

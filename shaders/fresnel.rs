@@ -1,4 +1,4 @@
-//! Rust twin of `fresnel.wgsl`: Fresnel reflectance in textbook form.
+//! Rust counterpart of `fresnel.wgsl`: Fresnel reflectance in textbook form.
 
 use glam::{DVec2, DVec3};
 
@@ -53,7 +53,7 @@ pub fn conductor(eta: f64, k: f64, cos_i: f64) -> f64 {
     0.5 * (r_s.length_squared() + r_p.length_squared())
 }
 
-/// Computes 2 int c F(c) dc from the terms of Schlick's formula: 2 int c (1 - c)^5 dc = 2 / 42.
+/// Computes 2 int c F(c) dc term by term, for Schlick's formula: 2 int c (1 - c)^5 dc = 2 / 42.
 #[must_use]
 pub fn schlick_average(f0: DVec3) -> DVec3 {
     f0 + (DVec3::ONE - f0) * 2.0 / 42.0
@@ -61,11 +61,11 @@ pub fn schlick_average(f0: DVec3) -> DVec3 {
 
 /// Computes int F d(cos^2) for `eta` > 0, by quadrature of the exact `dielectric`.
 ///
-/// Beyond the critical angle F is 1. On the rest of the range of cos^2, the function computes a trapezoidal sum over
-/// ln(s / (1 - s)), where s goes from 0 to 1 over this rest. Near eta = 1, F falls from 1 within a range of cos^2 whose
-/// width is only the distance of eta^2 from 1. The logarithm resolves this range as well as any other range. The error
-/// of the sum falls as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity is at
-/// least pi away.
+/// Beyond the critical angle F is 1. For the rest of the range of cos^2, s goes from 0 to 1, and the function computes
+/// a trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 within a range of cos^2 that is only as wide as
+/// the distance of eta^2 from 1. Thanks to the logarithm, the sum is accurate in such a narrow range, too. The error of
+/// the sum falls as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity of the
+/// integrand is at least pi away from the real axis.
 #[must_use]
 pub fn dielectric_average(eta: f64) -> f64 {
     const STEP: f64 = 0.5; // 1e-17

@@ -1,12 +1,12 @@
-//! Rust twin of `geometry.wgsl`: masking and shadowing of microfacets in textbook form.
+//! Rust counterpart of `geometry.wgsl`: masking and shadowing of microfacets in textbook form.
 //!
 //! Results are shares in 0..=1, except those of the two `visibility` functions. `n_dot_x` and `v_dot_h` are cosines in
 //! 0..=1. `alpha` is the width of GGX or Beckmann, in (0, 1].
 
 use std::f64::consts::PI;
 
-/// Computes the "geometrical attenuation factor" of Cook and Torrance 1982: the least of 1, masking and shadowing.
-/// Where `v_dot_h` is 0, the result is the limit, 1.
+/// Computes the "geometrical attenuation factor" of Cook and Torrance 1982: the least of three numbers, 1, the masking
+/// term and the shadowing term. Where `v_dot_h` is 0, the result is the limit, 1.
 #[must_use]
 pub fn v_cavity(n_dot_h: f64, n_dot_v: f64, n_dot_l: f64, v_dot_h: f64) -> f64 {
     if v_dot_h == 0.0 {

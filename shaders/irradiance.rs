@@ -1,8 +1,8 @@
-//! Rust twin of `irradiance.wgsl`: light from an environment, reflected by a Lambertian.
+//! Rust counterpart of `irradiance.wgsl`: light from an environment, reflected by a Lambertian.
 //!
-//! Irradiance is returned as E / pi in W/(m^2 sr), the radiance of a white Lambertian with unit normal `n`. `radiance`
-//! is the light from a unit direction. The second argument of `radiance` in `filtered_estimate` is a mip level.
-//! `linear` and `cosine_lobe` are closed forms for special environments.
+//! The functions return irradiance as E / pi in W/(m^2 sr): the radiance of a white Lambertian with the unit normal
+//! `n`. `radiance` is the light from a unit direction. The second argument of `radiance` in `filtered_estimate` is a
+//! mip level. `linear` and `cosine_lobe` are closed forms for special environments.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
@@ -11,8 +11,8 @@ use glam::DVec3;
 use crate::environment::face_direction;
 use crate::sampling;
 
-/// Computes the general estimator, the mean of f L cos / pdf with f = 1 / pi, over directions uniform on the
-/// hemisphere. `samples` is at least 1.
+/// Computes the general estimator, the mean of f L cos / pdf with f = 1 / pi, over directions that are uniformly
+/// distributed on the hemisphere. `samples` is at least 1.
 #[must_use]
 pub fn estimate(n: DVec3, samples: u32, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     let frame = sampling::orthonormal_basis(n);
@@ -25,8 +25,8 @@ pub fn estimate(n: DVec3, samples: u32, radiance: impl Fn(DVec3) -> DVec3) -> DV
 }
 
 /// Computes the estimator of Krivanek and Colbert 2008: the mean of f L cos / pdf over directions with density cos /
-/// pi. L is read at the level 1/2 log2(Omega_s / Omega_p), but at least 0. Omega_s = 1 / (samples pdf), and Omega_p = 4
-/// pi / (6 size^2).
+/// pi. The estimator reads L from the mip level 1/2 log2(Omega_s / Omega_p), but at least 0. Omega_s = 1 / (samples
+/// pdf), and Omega_p = 4 pi / (6 size^2).
 #[must_use]
 pub fn filtered_estimate(
     n: DVec3,
@@ -46,8 +46,9 @@ pub fn filtered_estimate(
     (0..samples).map(sample).sum::<DVec3>() / f64::from(samples)
 }
 
-/// Computes the article's double sum, with each term multiplied by its steps: (1 / pi) L cos sin dtheta dphi. The sum
-/// has 252 azimuths from 0 in steps of 0.025, and 16 polar angles from 0 in steps of 0.1.
+/// Computes the double sum of the article that `shaders/README.md` cites, with each term multiplied by the step sizes:
+/// (1 / pi) L cos sin dtheta dphi. The sum has 252 azimuths from 0 in steps of 0.025, and 16 polar angles from 0 in
+/// steps of 0.1.
 #[must_use]
 pub fn loop_corrected(n: DVec3, radiance: impl Fn(DVec3) -> DVec3) -> DVec3 {
     let (d_phi, d_theta) = (0.025, 0.1);
@@ -79,8 +80,8 @@ pub fn midpoint(
     }))
 }
 
-/// Computes the weighted mean of L over the texels of a cube map with faces `size` texels wide. The weight is the solid
-/// angle times the cosine with the normal, where the cosine is positive.
+/// Computes the weighted mean of L over the texels of a cube map with faces `size` texels wide. The weight of a texel
+/// is its solid angle times the cosine between its direction and the normal, or 0 if the cosine is negative.
 #[must_use]
 pub fn texel_sum(n: DVec3, size: u32, radiance: &dyn Fn(DVec3) -> DVec3) -> DVec3 {
     weighted_mean(texels(size).map(|(l, solid_angle)| {
@@ -108,8 +109,8 @@ pub fn texel_direction(size: u32, i: u32) -> DVec3 {
     face_direction(face as usize, centre(column), centre(row))
 }
 
-/// Computes the solid angle per area of a cube's surface, at the point `d` of the cube of side 2: cos / r^2, where cos
-/// is the cosine of the angle between `d` and the face's axis.
+/// Computes the ratio of solid angle to surface area at the point `d` of the cube of side 2: cos / r^2, where cos is
+/// the cosine of the angle between `d` and the face's axis.
 #[must_use]
 pub fn texel_density(d: DVec3) -> f64 {
     let cosine = d.normalize().abs().max_element();

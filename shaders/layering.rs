@@ -1,4 +1,4 @@
-//! Rust twin of `layering.wgsl`: a thin shiny layer over any base. PV227 lecture 11, task 3.
+//! Rust counterpart of `layering.wgsl`: a thin shiny layer over any base, as in task 3 of PV227 lecture 11.
 //!
 //! `environment`, `base` and `white` are radiances in W/(m^2 sr), at least 0. Cosines and `mask` are in 0..=1.
 
@@ -34,7 +34,7 @@ pub fn plastic(f0: DVec3, base: DVec3, specular: DVec3, n_dot_v: f64) -> DVec3 {
 }
 
 /// Computes 1 - F = (1 - f0) (1 - (1 - c)^5). The function computes 1 - (1 - c)^5 as -expm1(5 log1p(-c)), which is
-/// precise even for the smallest cosines. A subtraction would give 0 there.
+/// precise even for the smallest cosines. A plain subtraction would give 0 for these cosines.
 #[must_use]
 pub fn interface_transmittance(f0: DVec3, n_dot_x: f64) -> DVec3 {
     (DVec3::ONE - f0) * -(5.0 * (-n_dot_x).ln_1p()).exp_m1()

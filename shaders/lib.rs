@@ -1,14 +1,14 @@
-//! Physically based shading and image-based lighting in WGSL, each module with its Rust twin.
+//! Physically based shading and image-based lighting in WGSL, each module with its counterpart in Rust.
 //!
-//! `X.wgsl` is the shader. `X.rs` has its references: the same functions in f64, in the form of the cited paper. Shader
-//! and reference share no code. An optimised shader also shares no algebra with its reference, so if shader and
-//! reference agree, both are probably right.
+//! For each module, `X.wgsl` contains the shader functions. `X.rs` contains their references: the same functions in
+//! f64, in the form of the cited paper. Shader and reference share no code. An optimised shader also shares no algebra
+//! with its reference, so if shader and reference agree, both are probably right.
 //!
-//! Shader functions are pure: they compute results only from their arguments. These modules have bindings:
-//! `camera.wgsl`; `environment.wgsl`, with the light that `irradiance.wgsl` and `specular.wgsl` sample; and the modules
-//! with entry points, `scene.wgsl`, `probe_room.wgsl` and `maps.wgsl`. The folder `as_written` contains functions with
-//! the mistakes of papers and lectures. Tests catch these mistakes. All functions have their arguments in this order:
-//! material (`f0`, `alpha`), frame (`n`), `v`, `l`, random numbers (`u`).
+//! Most shader functions are pure: they compute their results only from their arguments. Only these modules have
+//! bindings: `camera.wgsl`; `environment.wgsl`, with the light that `irradiance.wgsl` and `specular.wgsl` sample; and
+//! the modules with entry points, `scene.wgsl`, `probe_room.wgsl` and `maps.wgsl`. The folder `as_written` contains
+//! functions with the mistakes of papers and lectures. Tests catch these mistakes. All functions have their arguments
+//! in this order: material (`f0`, `alpha`), frame (`n`), `v`, `l`, random numbers (`u`).
 
 pub mod brdf;
 pub mod camera;

@@ -1,5 +1,5 @@
-//! Rust twin of `maps.wgsl`: the settings of frames that are drawn to make textures, and the conversion of a frame to a
-//! cube map.
+//! Rust counterpart of `maps.wgsl`: the settings of frames that are drawn to make textures, and the conversion of a
+//! frame to a cube map.
 
 use glam::{DVec2, DVec3, UVec2};
 use karat::Image;
@@ -8,17 +8,17 @@ use crate::environment;
 
 /// The number of cube map faces side by side in a frame: +X, -X, +Y, and below them -Y, +Z, -Z.
 pub const ACROSS: u32 = 3;
-/// Rows of faces in a frame.
+/// The number of rows of faces in a frame.
 pub const DOWN: u32 = 2;
 
 karat::shareable! {
-    /// The settings of a map.
+    /// The settings of a frame that becomes a map.
     pub struct MapSettings mirrors MapSettingsMirror {
-        /// The width in texels of a face, or of the table of `specular::split_sum_table`.
+        /// The width in texels of a face, or of the table that `specular::split_sum_table` fills.
         side: u32,
-        /// Directions for each texel.
+        /// The number of directions for each texel.
         samples: u32,
-        /// The GGX width of a prefiltered level.
+        /// The GGX width of a prefiltered mip level.
         alpha: f32,
     }
 }

@@ -1,8 +1,8 @@
-//! Rust twin of `materials.wgsl`: the materials of the lecture's test scene. PV227 lecture 11.
+//! Rust counterpart of `materials.wgsl`: the materials of the lecture's test scene. PV227 lecture 11.
 
 use glam::{DVec3, Vec3};
 
-/// The materials of the test scene's columns, from left to right.
+/// The names of the materials in the test scene's columns, from left to right.
 pub const NAMES: [&str; 8] = [
     "red plastic",
     "green plastic",
@@ -17,11 +17,11 @@ pub const NAMES: [&str; 8] = [
 /// Reflectance at normal incidence of a dielectric of index 1.5.
 const DIELECTRIC_F0: f32 = 0.04;
 
-/// Albedo and reflectance at normal incidence of each column, in linear sRGB.
+/// The albedo and the reflectance at normal incidence of each column's material, in linear sRGB.
 ///
-/// Metals are those of Akenine-Moeller et al. 2018 (Real-Time Rendering, 4th edition), table 9.2. Sources differ, most
-/// of all for iron. The red channel of gold is 1.022 in linear sRGB, because gold is outside the gamut. Here it is
-/// clamped to 1. Plastics are a dielectric over an albedo with no black channel.
+/// The values of metals are from Akenine-Moeller et al. 2018 (Real-Time Rendering, 4th edition), table 9.2. Sources
+/// differ, most of all for iron. The red channel of gold is 1.022 in linear sRGB, because gold is outside the gamut.
+/// This table contains 1 instead. Plastics have the f0 of a dielectric, and no channel of their albedo is 0.
 pub const MATERIALS: [(Vec3, Vec3); 8] = [
     (Vec3::new(0.80, 0.05, 0.05), Vec3::splat(DIELECTRIC_F0)),
     (Vec3::new(0.05, 0.80, 0.05), Vec3::splat(DIELECTRIC_F0)),
@@ -59,7 +59,8 @@ pub fn roughness(row: u32) -> f64 {
     f64::from(ROUGHNESSES[row as usize % ROUGHNESSES.len()])
 }
 
-/// Returns alpha = m. The lecture uses its roughness m as the width in Walter et al. 2007, eq. 33.
+/// Returns `roughness` unchanged, because the lecture uses its roughness m as the width alpha in Walter et al. 2007,
+/// eq. 33.
 #[must_use]
 pub fn alpha_from_roughness(roughness: f64) -> f64 {
     roughness

@@ -1,4 +1,4 @@
-//! Rust twin of `math.wgsl`.
+//! Rust counterpart of `math.wgsl`.
 
 /// `x` to the fifth power.
 #[must_use]

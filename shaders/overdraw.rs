@@ -1,4 +1,4 @@
-//! Rust twin of `overdraw.wgsl`: the expected images of the 64 spheres.
+//! Rust counterpart of `overdraw.wgsl`: the expected images of the 64 spheres.
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,4 @@
-//! Rust twin of `probe_room.wgsl`: a room with coloured walls, its probe, and spheres in it.
+//! Rust counterpart of `probe_room.wgsl`: a room with coloured walls, its probe, and spheres in it.
 
 use glam::{DVec2, DVec3, Vec3};
 

@@ -1,4 +1,4 @@
-//! Rust twin of `radiometry.wgsl`: quantities of light in textbook form.
+//! Rust counterpart of `radiometry.wgsl`: quantities of light in textbook form.
 //!
 //! Units: flux in W, intensity in W/sr, irradiance and radiosity in W/m^2, radiance in W/(m^2 sr), BRDFs in 1/sr,
 //! lengths in m, angles in rad, and solid angles in sr. Cosines are in 0..=1.
@@ -67,7 +67,8 @@ pub fn mirror_brdf(n_dot_l: f64, solid_angle: f64) -> f64 {
     (solid_angle * n_dot_l).recip()
 }
 
-/// Checks that a surface doesn't create energy: its albedo int f cos dw is at most 1. A white surface has exactly 1.
+/// Checks that a surface doesn't create energy: its albedo int f cos dw is at most 1. The albedo of a white surface is
+/// exactly 1.
 #[must_use]
 pub fn conserves_energy(directional_albedo: f64) -> bool {
     directional_albedo <= 1.0
@@ -89,8 +90,8 @@ pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
 /// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). The solid angle of a texel is the second difference of this
 /// function.
 ///
-/// The function subtracts arctangents near 1. If a face is 4096 texels wide, a texel has 2e-7 sr, and 8 digits of the
-/// result are right.
+/// The function subtracts arctangents of up to 0.52, so digits cancel. If a face is 4096 texels wide, a texel has about
+/// 2e-7 sr, and 8 digits of the result are right.
 #[must_use]
 pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     let edge = |texel: u32| 2.0 * f64::from(texel) / f64::from(size) - 1.0;
@@ -99,7 +100,8 @@ pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     corner(right, bottom) - corner(left, bottom) - corner(right, top) + corner(left, top)
 }
 
-/// Computes 1 - cos. Up to a right angle, the function computes sin^2 / (1 + cos), which doesn't cancel.
+/// Computes 1 - cos. Up to a right angle, the function computes sin^2 / (1 + cos), which loses no digits for small
+/// angles.
 fn versine(angle: f64) -> f64 {
     let (sin, cos) = angle.sin_cos();
     if angle < FRAC_PI_2 { sin * sin / (1.0 + cos) } else { 1.0 - cos }
@@ -109,7 +111,7 @@ fn versine(angle: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Midpoint sum of `f` over 0..=`end`.
+    /// The integral of `f` over 0..=`end`, by the midpoint rule.
     fn integrate(end: f64, f: impl Fn(f64) -> f64) -> f64 {
         const N: i32 = 20_000;
         let step = end / f64::from(N);

@@ -1,4 +1,4 @@
-//! Rust twin of `sampling.wgsl`: directions from random numbers, in textbook form.
+//! Rust counterpart of `sampling.wgsl`: directions from random numbers, in textbook form.
 //!
 //! Directions are in the local frame, in which +Z is the normal. Angles are in radians, and densities in 1/sr. Random
 //! numbers `u` are in `[0, 1]`. The shader subtracts 180 degrees from each azimuth (`sampling.wgsl` gives the reason).
@@ -20,8 +20,8 @@ pub fn uniform_hemisphere_pdf(n_dot_l: f64) -> f64 {
     if n_dot_l >= 0.0 { TAU.recip() } else { 0.0 }
 }
 
-/// Samples a direction by Malley's method (Pharr et al. 2023, pbrt-v4, section A.5.3): points uniform on the disk, with
-/// radius sqrt(u.y), are lifted to the hemisphere.
+/// Samples a direction by Malley's method (Pharr et al. 2023, pbrt-v4, section A.5.3). The method takes a point that is
+/// uniformly distributed on the disk, with radius sqrt(u.y), and lifts it to the hemisphere.
 #[must_use]
 pub fn cosine_hemisphere(u: DVec2) -> DVec3 {
     half_turn(spherical(u.y.sqrt().asin(), TAU * u.x))
@@ -35,7 +35,7 @@ pub fn cosine_hemisphere_pdf(n_dot_l: f64) -> f64 {
 
 /// Samples a normal as in Walter et al. 2007, eq. 35 and 36: theta = atan(alpha sqrt(u) / sqrt(1 - u)).
 ///
-/// `alpha` is the GGX width in 0..=1. With `atan2`, alpha = 0 gives the surface's normal for each `u`.
+/// `alpha` is the GGX width in 0..=1. For alpha = 0, `atan2` gives theta = 0, the surface's normal, for each `u`.
 #[must_use]
 pub fn ggx_normal(alpha: f64, u: DVec2) -> DVec3 {
     let theta = (alpha * u.y.sqrt()).atan2((1.0 - u.y).sqrt());
@@ -136,7 +136,7 @@ pub fn hammersley_centred(i: u32, n: u32) -> DVec2 {
 }
 
 /// Computes the basis of Duff et al. 2017 from its geometric meaning. The shortest rotation from +Z to `n` is applied
-/// to X and Y. If `n` is in the lower half, the rotation begins at -Z, and Y is flipped so that the basis stays
+/// to X and Y. If `n` is in the lower hemisphere, the rotation begins at -Z, and Y is flipped so that the basis stays
 /// right-handed.
 #[must_use]
 pub fn orthonormal_basis(n: DVec3) -> DMat3 {
@@ -145,7 +145,7 @@ pub fn orthonormal_basis(n: DVec3) -> DMat3 {
     DMat3::from_cols(rotation * DVec3::X, side * (rotation * DVec3::Y), n)
 }
 
-/// Computes r.x T + r.y B + r.z N, the product of the matrix with these columns and `r`. PV227 lecture 11.
+/// Computes r.x T + r.y B + r.z N, the product of `r` and the matrix with the columns T, B and N. PV227 lecture 11.
 #[must_use]
 pub fn to_world(tangent: DVec3, bitangent: DVec3, n: DVec3, r: DVec3) -> DVec3 {
     DMat3::from_cols(tangent, bitangent, n) * r
@@ -205,7 +205,7 @@ fn modulo(x: u64) -> u32 {
     u32::try_from(x % (1 << 32)).expect("a remainder of 2^32 has 32 bits")
 }
 
-/// The squared tangent of the polar angle of `direction`, which has any length.
+/// The squared tangent of the polar angle of `direction`, a vector of any length.
 fn tan2(direction: DVec3) -> f64 {
     direction.truncate().length_squared() / (direction.z * direction.z)
 }

@@ -1,4 +1,5 @@
-//! Rust twin of `scene.wgsl`: the spheres, materials and cameras of the frame, and references for its pure functions.
+//! Rust counterpart of `scene.wgsl`: the spheres, materials and cameras of the frame, and references for its pure
+//! functions.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,33 +18,33 @@ pub const SPACING: DVec2 = DVec2::new(3.2, 2.2);
 karat::shareable! {
     /// The numbers of directions from which each pixel gathers light.
     pub struct Samples mirrors SamplesMirror {
-        /// Directions for the diffuse term.
+        /// The number of directions for the diffuse term.
         diffuse: u32,
-        /// Directions for the specular term.
+        /// The number of directions for the specular term.
         specular: u32,
     }
 }
 
 impl Samples {
-    /// Numbers that are small enough for a software rasteriser. They are powers of two, so that dividing by them
-    /// doesn't round.
+    /// Numbers of directions that are small enough for a software rasteriser. The numbers are powers of two, so that
+    /// dividing by them causes no rounding.
     pub const DEFAULT: Self = Self { diffuse: 256, specular: 512 };
-    /// Numbers for estimators that read higher mip levels.
+    /// Numbers of directions for estimators that read higher mip levels.
     pub const FILTERED: Self = Self { diffuse: 64, specular: 64 };
 }
 
-/// The material of a sphere, as stored in its texels.
+/// The material of a sphere, as the texels of the material maps store it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painted {
     /// The albedo of plastics, or the reflectance of metals at normal incidence: linear, per channel.
     pub base_color: Vec3,
-    /// The GGX width, as in the lecture: roughness isn't squared. 0 means a mirror.
+    /// The GGX width. As in the lecture, the width is the roughness, and not its square. 0 means a mirror.
     pub roughness: f32,
     /// 0 for plastics, and 1 for metals.
     pub metallic: f32,
 }
 
-/// The spheres by instance: each column has a material, each row a roughness.
+/// Returns the spheres in the order of instances, row by row: each column has a material, and each row a roughness.
 #[must_use]
 pub fn spheres() -> Vec<Painted> {
     let row = |roughness| {
@@ -56,8 +57,7 @@ pub fn spheres() -> Vec<Painted> {
     ROUGHNESSES.into_iter().flat_map(row).collect()
 }
 
-/// Returns spheres that reflect all light: white plastics instead of coloured plastics, and perfect metals instead of
-/// real metals.
+/// Returns spheres that reflect all light: the plastics are white, and the metals have a reflectance of 1.
 #[must_use]
 pub fn white_spheres() -> Vec<Painted> {
     spheres().into_iter().map(|painted| Painted { base_color: Vec3::ONE, ..painted }).collect()
@@ -83,8 +83,8 @@ pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
 /// The width of a mask in texels. 64 texels are enough, because a sphere in the largest frame is 60 pixels wide.
 const MASK: u32 = 64;
 
-/// Makes a mask in the channel R from its value at each point of the sphere's square, seen from the front: x to the
-/// right, y up, both in [-1, 1].
+/// Makes a mask in the channel R. `value` gives the mask at each point of the square around a sphere, seen from the
+/// front: x to the right, y up, both in [-1, 1].
 fn mask(value: impl Fn(DVec2) -> f64) -> Texture {
     let centre = |texel: u32| (2.0 * f64::from(texel) + 1.0) / f64::from(MASK) - 1.0;
     Texture::from_fn(MASK, MASK, |column, row| {

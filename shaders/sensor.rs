@@ -1,4 +1,4 @@
-//! Rust twin of `sensor.wgsl`: from radiance to a display, in textbook form.
+//! Rust counterpart of `sensor.wgsl`: from radiance to a display, in textbook form.
 //!
 //! Colours are linear, except where a name says otherwise, and have the primaries of sRGB.
 

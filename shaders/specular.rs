@@ -1,4 +1,4 @@
-//! Rust twin of `specular.wgsl`: light from an environment, reflected by GGX microfacets.
+//! Rust counterpart of `specular.wgsl`: light from an environment, reflected by GGX microfacets.
 //!
 //! `n`, `v` and `r` are unit vectors with N.V > 0. `alpha` is 0 (a mirror) or in 1e-4..=1. `samples` is at least 1.
 //! Radiances are in W/(m^2 sr).
@@ -7,8 +7,8 @@ use glam::{DVec2, DVec3};
 
 use crate::{distribution, environment, fresnel, geometry, sampling};
 
-/// Computes the general estimator, the mean of f L cos / pdf over the same microfacet normals as the shader. The shader
-/// cancels D, and this function computes D in both f and pdf.
+/// Computes the general estimator, the mean of f L cos / pdf over the same microfacet normals as the shader. D is a
+/// factor of both f and pdf. The shader cancels D, and this function computes D twice, in f and in pdf.
 ///
 /// f = D F G / (4 N.L N.V): Walter et al. 2007, eq. 20; pdf = D N.H / (4 V.H): eq. 24 and 14. `radiance` is the light
 /// from a unit direction.
@@ -40,13 +40,12 @@ pub fn filtered_estimate(
     mean(f0, alpha, n, v, samples, |l, pdf| radiance(l, level(pdf)))
 }
 
-/// The mip level for a sample with the density `pdf`. For a mirror the density is infinite, and the result is the first
-/// level.
+/// The mip level for a sample with the density `pdf`. For a mirror, the density is infinite and the level is 0.
 fn pdf_level(pdf: f64, samples: u32, size: u32) -> f64 {
     if pdf == f64::INFINITY { 0.0 } else { environment::mip_level(pdf, samples, size) }
 }
 
-/// The mean of f L cos / pdf. L is a function of direction and pdf.
+/// The mean of f L cos / pdf. `radiance` computes L from the direction and from pdf.
 fn mean(
     f0: DVec3,
     alpha: f64,
@@ -96,8 +95,9 @@ pub fn prefiltered(alpha: f64, r: DVec3, samples: u32, radiance: impl Fn(DVec3) 
     sum / total
 }
 
-/// Computes the two integrals that multiply f0 and 1 in Karis 2013, "Environment BRDF". The function computes them from
-/// the light that surfaces with f0 = 0 and f0 = 1 reflect in a white environment, because Schlick's F is linear in f0.
+/// Computes the two integrals of Karis 2013, "Environment BRDF": the factor of f0, and the term without f0. Because
+/// Schlick's F is linear in f0, the function gets both from the light that surfaces with f0 = 0 and f0 = 1 reflect in a
+/// white environment.
 #[must_use]
 pub fn split_sum_table(alpha: f64, n_dot_v: f64, samples: u32) -> DVec2 {
     let v = DVec3::new((1.0 - n_dot_v * n_dot_v).sqrt(), 0.0, n_dot_v);

@@ -9,7 +9,7 @@ use shaders::{PBR, brdf};
 /// Widths of the distribution, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// The exponents that belong to the widths in [`ALPHA`].
+/// The tri-Ace exponents that correspond to the widths in [`ALPHA`].
 fn exponent() -> impl Domain<Value = f32> {
     ALPHA.map(exponent_of)
 }
@@ -39,8 +39,9 @@ fn mirrored(v: Vec3, h: Vec3) -> Vec3 {
     (2.0 * v.dot(h) * h - v).normalize().as_vec3()
 }
 
-/// Reflectances from the reflectance of ice upwards. For smaller reflectances near normal incidence, F is the fifth
-/// power of a difference that cancels. The error of F is small beside other light, but large relative to F.
+/// Reflectances of at least 0.02, the reflectance of ice. For smaller reflectances near normal incidence, F is nearly
+/// the fifth power of 1 - cos, which loses digits. Then the error of F is small in absolute terms, but large relative
+/// to F.
 fn reflectance() -> impl Domain<Value = Vec3> {
     UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
 }
@@ -50,13 +51,14 @@ fn square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32.next_down()).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// Leaves out directions within 1e-4 of the horizon. There, factors of up to 1e20 multiply the lobes' exponentials,
-/// which WGSL may flush below 1e-38.
+/// Returns `false` for directions up to 1e-4 above the horizon. WGSL may flush the lobes' exponentials to 0 if they are
+/// below 1e-38, and for these directions, factors of up to 1e20 multiply them.
 fn apart_from_the_horizon((_, v, l): &(f32, Vec3, Vec3)) -> bool {
     v.z.min(l.z) > 1e-4 || v.z.min(l.z) <= 0.0
 }
 
-/// The largest part of a lobe that WGSL may flush: 1e-38 times the lobe's peak (3e7), divided by 4 N.V N.L = 4e-8.
+/// The largest value of a lobe that WGSL may flush to 0: 1e-38 times the lobe's peak (3e7), divided by 4 N.V N.L =
+/// 4e-8.
 const VANISHED: Abs = Abs(1e-20);
 
 /// The tolerance for BRDFs with an exponential: 640 ulp, as in `distribution`, plus 87 times the error of the exponent.
@@ -94,7 +96,8 @@ fn microfacet_eval() {
         .agrees_with(brdf::microfacet_eval, Ulp(64.0));
 }
 
-/// The function agrees for any f0. The test divides the error by the BRDF of a surface with f0 = 1.
+/// The function agrees with its reference for any f0. If f0 is small, so is the BRDF, so the test compares the error
+/// with the BRDF of a surface with f0 = 1.
 #[test]
 fn microfacet_eval_with_little_reflectance() {
     PBR.function("brdf::microfacet_eval")
@@ -108,9 +111,9 @@ fn microfacet_eval_with_little_reflectance() {
         });
 }
 
-/// The mirrored direction turns by twice the error of the normal. WGSL's sin and cos give the normal an error of at
-/// most 2^-11 divided by the length of its halfway vector (`sampling::ggx_visible_normal`). The test leaves out one
-/// normal in 64, for which that length is below 1/4.
+/// An error in the normal turns the mirrored direction by twice this error. WGSL's sin and cos give the normal an error
+/// of at most 2^-11 divided by the length of the halfway vector from which `sampling::ggx_visible_normal` computes the
+/// normal. The test leaves out one normal in 64, for which that length is below 1/4.
 #[test]
 fn microfacet_sample() {
     let domain = (ALPHA, Hemisphere, square()).filter(|(alpha, v, u)| {
@@ -131,7 +134,8 @@ fn microfacet_pdf() {
     PBR.function("brdf::microfacet_pdf").over(lobes()).agrees_with(brdf::microfacet_pdf, Ulp(40.0));
 }
 
-/// Compares the shader's formula with f cos / pdf for each light, including lights that no sample reaches.
+/// Compares the shader's formula with f cos / pdf for each direction of light, including directions that no sample
+/// reaches.
 #[test]
 fn microfacet_weight() {
     PBR.function("brdf::microfacet_weight")
@@ -139,7 +143,7 @@ fn microfacet_weight() {
         .agrees_with(brdf::microfacet_weight, Ulp(40.0));
 }
 
-/// The weight is at most F, because G2 <= G1.
+/// The weight is F G2 / G1, and G2 <= G1, so the weight is at most F.
 #[test]
 fn microfacet_weight_is_at_most_fresnel() {
     PBR.function("brdf::microfacet_weight")
@@ -212,8 +216,8 @@ fn tanh_of() {
     function().over(Just(0.0)).agrees_with(|x: f64| x, Ulp(0.0));
 }
 
-/// The tolerance is the same as for `cook_torrance_sample`. Near 1, the shader computes log by a series. Elsewhere WGSL
-/// allows log an error of 2^-21, which is small beside the other errors.
+/// The tolerance is the same as for `cook_torrance_sample`. For arguments near 1, the shader computes log by a series.
+/// Elsewhere WGSL allows log an error of 2^-21, which is small beside the other errors.
 #[test]
 fn tri_ace_sample() {
     PBR.function("brdf::tri_ace_sample")
@@ -221,8 +225,8 @@ fn tri_ace_sample() {
         .agrees_with(brdf::tri_ace_sample, Abs(2.5e-3));
 }
 
-/// Measures narrow lobes by the distance of a sample from the mirror direction. The error is at most 1 % of this
-/// distance or of the lobe's width, plus the rounding of directions.
+/// For narrow lobes, the error of a sampled direction is at most 1 % of its distance from the mirror direction, or 1 %
+/// of the lobe's width if the width is larger. The tolerance also includes the rounding of directions.
 #[test]
 fn narrow_lobes_keep_their_width() {
     let near = |alpha: f32, v: Vec3, l: Vec3, expected: DVec3| {
@@ -271,8 +275,8 @@ fn reflectances_are_finite_and_not_negative() {
 }
 
 /// One cosine goes down to 1e-18, and the other to the least normal f32, so their product is far below any f32. WGSL
-/// may flush the numerator of D, exp(-87). The factor 1 / (4 N.V N.L) multiplies the error of this flush. The test
-/// leaves out results that exceed f32.
+/// may flush the numerator of D to 0 if it is below exp(-87). The factor 1 / (4 N.V N.L) multiplies this error. The
+/// test leaves out results above 1e37, near the largest f32.
 // Lesson 31
 #[test]
 fn cook_torrance_eval_at_the_horizon() {
@@ -333,7 +337,7 @@ fn nothing_happens_below_the_horizon() {
 }
 
 /// The BRDFs are reciprocal (Helmholtz): if `v` and `l` are exchanged, the result stays the same. The tolerance of 4
-/// ulp is for compilers that contract one of the two products in a sum.
+/// ulp is for compilers that contract one of the two products of a sum into an `fma`.
 #[test]
 fn reflectances_are_reciprocal() {
     for function in ["brdf::microfacet_eval", "brdf::cook_torrance_eval"] {
@@ -350,8 +354,8 @@ fn reflectances_are_reciprocal() {
         .invariant_under(|(albedo, f0, n, v, l)| (albedo, f0, n, l, v), Ulp(4.0));
 }
 
-/// tri-Ace's diffuse part depends on N.L but not on N.V. Light along the horizon and a view from above give black. With
-/// both directions exchanged, the result is 1 / pi.
+/// tri-Ace's diffuse part depends on N.L but not on N.V. Light along the horizon and a view from above give black. If
+/// the two directions are exchanged, the result is 1 / pi.
 #[test]
 fn tri_ace_is_not_reciprocal() {
     let swapped = PBR
@@ -378,7 +382,7 @@ fn tri_ace_is_not_reciprocal() {
     narrow(Vec3::Z, low).agrees_with(expected, Ulp(16.0)); // 0.302
 }
 
-/// 8 widths combined with 8 views, for integrals. The views go up to 89 degrees.
+/// 8 widths combined with 8 views, for integrals. The views go from 0 to 89 degrees from the normal.
 fn views() -> impl Domain<Value = (f32, Vec3)> {
     (Grid::linear(0.01..=1.0, 8), Grid::linear(0.0..=89.0, 8))
         .map(|(alpha, degrees)| (alpha, view(degrees)))
@@ -459,7 +463,8 @@ fn cook_torrance_in_a_furnace() {
     );
 }
 
-/// Exponent, f0 and view: from the narrowest lobes to no lobe, with the smallest and the largest Fresnel reflectance.
+/// Exponent, f0 and view: from the narrowest lobe to exponent 0, which has no lobe, with the smallest and the
+/// largest Fresnel reflectance.
 fn tri_ace_views() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     let exponents = vec![0.0_f32, 1.0, 10.0, 100.0, 1e4, 1e6];
     let angles = vec![0.0_f32, 30.0, 60.0, 75.0, 80.4, 85.0, 89.0];
@@ -477,8 +482,8 @@ fn tri_ace_nodes(&(exponent, f0, v): &(f32, Vec3, Vec3)) -> Vec<(TriAce, f64)> {
     lights(alpha, v).map(|(l, w)| ((Vec3::ONE, f0, exponent, v, l), w * f64::from(l.z))).collect()
 }
 
-/// The paper says that the model "basically follows" the conservation of energy. The reflectance reaches the bound of
-/// the twin's test, 20/21 + 5^5 / 6^6 = 1.0194, and never exceeds it.
+/// The paper says that the model "basically follows" the conservation of energy. The reflectance comes close to 20/21 +
+/// 5^5 / 6^6 = 1.0194, the bound that the tests of the reference derive, and never exceeds it.
 #[test]
 fn tri_ace_in_a_furnace() {
     let furnace = || PBR.function("brdf::tri_ace_eval").integral(tri_ace_views(), tri_ace_nodes);
@@ -550,7 +555,7 @@ fn estimators() -> Package {
 }
 
 /// No sample has a weight above 2. G2 / G1 is at most 1. G of the V-cavity is at most 2 N.H N.V / V.H, so the weight F
-/// G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have equal errors, which cancel.
+/// G V.H / (N.H N.V) is at most 2 F. The exponentials in eval and in pdf have equal errors, which cancel in the weight.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn samples_have_bounded_weights() {
@@ -567,10 +572,10 @@ fn samples_have_bounded_weights() {
 
 /// Sampler, density and BRDF fit together: the mean of the weights f cos / pdf over the unit square of random numbers
 /// is the albedo that the quadrature over directions finds. A curve in the square separates samples above the horizon
-/// from samples below. The curve crosses up to 256 of the 16384 cells, and the midpoint rule ignores it. Weights at the
-/// curve jump by up to 2, or continuously reach 0 if G vanishes with N.L. If the errors of cells have random signs, the
-/// mean has an error of 2 sqrt(256) / 16384 = 2e-3, and twice as much if the curve runs along the grid. Lambert's
-/// samples have no such curve.
+/// from samples below. The curve crosses up to 256 of the 16384 cells of the midpoint rule, and causes an error in
+/// each. At the curve, the weights jump by up to 2, or fall continuously to 0 if G goes to 0 with N.L. If the errors of
+/// cells have random signs, the mean has an error of 2 sqrt(256) / 16384 = 2e-3, and twice as much if the curve runs
+/// along the grid. Lambert's samples have no such curve.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {

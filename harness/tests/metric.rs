@@ -11,7 +11,7 @@ use karat::unstable::metric::{ExposureRange, FlipFailure, Gate, Metric, Pair, Pa
 const WIDTH: u32 = 48;
 const HEIGHT: u32 = 40;
 
-/// The random numbers of `data/flip/vectors.py`.
+/// The random number that `data/flip/vectors.py` computes for one channel of a pixel.
 fn random(x: u32, y: u32, channel: u32, seed: u32) -> f32 {
     let h = x + 48 * y + 1920 * channel + 7919 * seed;
     let h = h.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
@@ -28,7 +28,7 @@ fn image(width: u32, height: u32, value: impl Fn(u32, u32, u32) -> f32) -> Image
     Image::new(width, height, (0..width * height).map(pixel).collect())
 }
 
-/// The golden and the other image of the pair that `data/flip/vectors.py` calls `name`.
+/// The golden and the new image of the pair that `data/flip/vectors.py` calls `name`.
 fn pair(name: &str) -> (Image, Image) {
     let noise = |seed: u32| move |x: u32, y: u32, c: u32| random(x, y, c, seed);
     let sized = |value: &dyn Fn(u32, u32, u32) -> f32| image(WIDTH, HEIGHT, value);
@@ -69,7 +69,7 @@ fn published(name: &str) -> Vec<f32> {
     bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
 }
 
-/// Each case has a name, the first and the last exposure, and the number of pixels per degree.
+/// For each case: the name, the first and the last exposure in stops, and the number of pixels per degree.
 const CASES: [(&str, f64, f64, f32); 6] = [
     ("noise", -3.0, 2.0, Flip::MEAN.pixels_per_degree),
     ("edges", -6.0, 1.0, Flip::MEAN.pixels_per_degree),
@@ -102,8 +102,8 @@ fn flip_values_equal_those_of_the_published_implementation() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// For each pixel, Karat and the program of FLIP's authors report the same exposure. If one of the exposures that only
-/// Karat tries shows a larger error, Karat reports that exposure instead.
+/// For each pixel, Karat and the program of FLIP's authors report the same exposure. Karat also tries exposures outside
+/// of the given range. If one of them shows a larger error, Karat reports that exposure.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;
@@ -219,7 +219,8 @@ fn ldr_flip_sees_no_alpha_and_nothing_that_a_display_clips() {
     assert!(map.values().is_empty() && map.mean(&same) == 0.0);
 }
 
-/// If a fault is small, Karat computes only a part of the error map. The values are the same as in the whole map.
+/// If a fault is small, Karat computes only a part of the error map. The values of this part equal the values in the
+/// whole map.
 #[test]
 fn a_part_of_the_map_is_that_of_the_whole() {
     let golden = image(160, 120, |x, y, c| 2.0 * random(x, y, c, 3));
@@ -328,7 +329,7 @@ fn a_gate_finds_the_one_wrong_channel() {
     }
 }
 
-/// An image is stored as half floats if rounding changes each value by at most half of the tolerance.
+/// Karat stores an image as half floats if rounding changes each value by at most half of the tolerance.
 #[test]
 fn an_image_is_stored_as_precisely_as_the_gate_compares() {
     let gate = |relative| Gate { relative, absolute: None };

@@ -1,7 +1,8 @@
-//! Generated programs with a few atomics. A test of passes must find each outcome that some order of the atomics has.
+//! Generated programs with a few atomics. A test of passes must find each outcome that at least one order of the
+//! atomics can have.
 //!
 //! The programs have no races, so the outcome of a program depends only on the order of its atomics. A simple
-//! interpreter in this file runs all orders, to know all outcomes.
+//! interpreter in this file runs each program in all orders, and so finds all its outcomes.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -35,7 +36,8 @@ fn run((at, atomic): Step, memory: &mut [u32; WORDS]) -> u32 {
     if let Atomic::Store(_) = atomic { 0 } else { old }
 }
 
-/// All outcomes of a program. An outcome is the list of values that the last invocation reads in one order.
+/// All outcomes of a program. An outcome is the list of values that the last invocation reads in one order of the
+/// atomics.
 fn outcomes(program: &[Vec<Step>]) -> BTreeSet<Vec<u32>> {
     fn go(
         program: &[Vec<Step>],
@@ -66,7 +68,7 @@ fn outcomes(program: &[Vec<Step>]) -> BTreeSet<Vec<u32>> {
     all
 }
 
-/// A program whose last invocation writes 1 if it reads the given outcome, and otherwise 2.
+/// The WGSL text of a program. The last invocation writes 2 if it reads the values of `outcome`, and otherwise 1.
 fn text(program: &[Vec<Step>], places: &[u32], outcome: &[u32]) -> String {
     let mut text = "@group(0) @binding(0) var<storage, read_write> a: array<atomic<u32>, 3>;\n\
                     @group(0) @binding(1) var<storage, read_write> out: array<u32, 1>;\n\
@@ -127,7 +129,7 @@ impl Random {
     }
 }
 
-/// Runs a test of the program `text`. The test fails if `out[0]` isn't 1 in some order.
+/// Runs a test of the program `text`. The test fails if `out[0]` differs from 1 after at least one order.
 fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
     let package = Package::from_source("m", text);
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
@@ -141,7 +143,7 @@ fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
 // Lesson 216
 #[test]
 fn tests_nearly_always_find_outcomes_of_unusual_orders() {
-    /// The number of programs. The tests must find the forbidden outcomes of at least `LEAST` programs.
+    /// The number of generated programs. The tests must find the forbidden outcomes of at least `LEAST` programs.
     const COUNT: usize = 150;
     const LEAST: usize = 150;
     let mut random = Random(0x6f72_6465);
@@ -218,9 +220,9 @@ fn litmus(first: &str, second: &str, workgroups: u32) -> String {
     )
 }
 
-/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). Karat finds each outcome that WGSL allows
-/// and that no order of sequentially consistent atomics has. The only exception needs a store that takes effect before
-/// an earlier load.
+/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). With relaxed atomics, WGSL allows
+/// outcomes that sequentially consistent atomics have in no order. Karat finds these outcomes, with one exception: the
+/// outcome that needs a store to take effect before an earlier load.
 // Lesson 217
 #[test]
 fn outcomes_of_relaxed_atomics_are_met() {

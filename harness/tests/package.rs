@@ -19,7 +19,7 @@ fn write(folder: &Path, file: &str, text: impl AsRef<[u8]>) {
     std::fs::write(path, text).expect("written");
 }
 
-/// The message of an error, without the name of the temporary folder.
+/// The error message for a function of the package in `folder`, without the name of the temporary folder.
 fn error_in(folder: &tempfile::TempDir, function: &str) -> String {
     let package = Package::open(folder.path()).expect("a folder");
     let name = package.name();
@@ -304,7 +304,7 @@ fn errors_carry_their_place_as_data() {
 }
 
 /// An unsaved text replaces its file, also in packages that depend on its package. The unsaved text changes neither the
-/// file nor the original package.
+/// file on disk nor the package with the saved text.
 #[test]
 fn texts_that_are_not_saved_stand_in_for_their_files() {
     let folder = tempfile::tempdir().expect("a temporary folder");

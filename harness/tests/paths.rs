@@ -62,7 +62,7 @@ struct Fake {
     fault: Fault,
 }
 
-/// A compiled function of the executor.
+/// A compiled function of the executor [`Fake`].
 struct Ready {
     name: String,
     /// The number of `u32`s in the arguments of a case. `words` is the number of `u32`s in its result.
@@ -440,8 +440,8 @@ fn declared(fakes: &[Fake; 2], declared: Declared) -> [Result<usize, String>; 3]
     ]
 }
 
-/// A known issue of a function, a frame or a pass covers only wrong values. NaN counts as a wrong value, but an error
-/// that stops the path doesn't.
+/// If the author declares a known issue of a function, a frame or a pass, the declaration covers only wrong values. NaN
+/// counts as a wrong value, but an error that stops the path doesn't.
 // Lesson 173
 #[test]
 fn a_known_issue_is_about_values() {
@@ -497,7 +497,7 @@ fn a_path_that_refuses_is_declared_by_itself() {
     }
 }
 
-/// An error of several paths contains the error of each path, so a program can match on its kind.
+/// An error of several paths contains the error of each path, so a program can match on the kind of each error.
 // Lesson 172
 #[test]
 fn failures_of_paths_are_data() {

@@ -8,7 +8,7 @@ use syn::visit::{self, Visit};
 /// The limit on the time of a process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Bound {
-    /// `lines::output`, `child::run` or a loop in the same file ends the process.
+    /// `lines::output`, `child::run` or a loop in the same file kills the process at its deadline.
     Deadline,
     /// The process replies to messages, and each reply has a deadline.
     Answers,
@@ -23,7 +23,7 @@ const OURS: Bound =
 const TESTS: Bound = Needless("tests take as long as they take; what they dispatch has deadlines");
 const CARGO: Bound = Needless("cargo downloads, builds and waits for other builds");
 
-/// Each file that starts processes, with the number of its `Command::new`.
+/// Each file that starts processes, with the number of calls of `Command::new` in the file.
 const KNOWN: &[(&str, usize, Bound)] = &[
     ("cli/src/cargo.rs", 1, OURS),
     ("cli/src/cli/browser.rs", 1, OURS),

@@ -15,7 +15,7 @@ fn package(text: &str) -> Package {
     Package::from_source("spec", text)
 }
 
-/// Checks the function `f`, with an argument from 0 to 1, on a driver without a fault.
+/// Checks the function `f`, with an argument from 0 to 1, on a [`Driver`] that multiplies correctly.
 fn check(
     text: &str,
     reference: impl Fn(f64) -> f64 + Sync,
@@ -86,8 +86,8 @@ impl Prepared for Ready {
         4096
     }
 
-    /// Computes the WGSL function `f`, which returns `(3 x) (3 x)`. If the kernel reads a `let` of `f`, computes the
-    /// value of this `let`.
+    /// Computes the WGSL function `f`, which returns `(3 x) (3 x)`. If the kernel returns a `let` of `f` instead, the
+    /// function computes the value of this `let`.
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
         let is_of = |binding: &str| self.name.contains(&format!("karat_let = {binding};"));
         let (same, thrice) = (is_of("same"), is_of("thrice"));
@@ -268,7 +268,7 @@ impl Prepared for Returns {
     }
 }
 
-/// The two floats between which the exact sum lies. WGSL allows either float as the result.
+/// The two neighbouring floats below and above the exact sum. WGSL allows either float as the result.
 fn rounded(exact: f64) -> [f32; 2] {
     let nearest = exact as f32;
     match f64::from(nearest).partial_cmp(&exact) {
@@ -278,8 +278,8 @@ fn rounded(exact: f64) -> [f32; 2] {
     }
 }
 
-/// The sum of three terms passes in each order of addition. A result fails if it is one ULP below or above the results
-/// of all orders.
+/// The sum of three terms passes in each order of addition. A result fails if it is one ULP below the smallest or above
+/// the largest of these sums.
 // Lesson 168: a result one ULP beyond fails
 #[test]
 fn a_sum_of_three_terms_passes_in_any_order_of_addition() {
@@ -474,7 +474,7 @@ impl Random {
     }
 }
 
-/// An executor that runs on another executor of this machine, and has the path `cpu@here`.
+/// An executor that passes each job to another executor of this machine, under the path `cpu@here`.
 #[derive(Debug)]
 struct Here(&'static dyn Executor);
 

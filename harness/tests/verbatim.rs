@@ -95,8 +95,8 @@ fn literals_of_every_form_have_their_values() {
     }
 }
 
-/// If a function contains text that isn't WGSL, such as `x # 2.0`, the linker reports an error. The linker never drops
-/// such text.
+/// If a function contains text that isn't WGSL, such as `x # 2.0`, the linker reports an error. The linker doesn't
+/// silently drop this text.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn invalid_tokens_are_refused() {
@@ -335,8 +335,8 @@ fn damaged(texts: &[Vec<String>], number: usize) -> String {
     pieces.concat()
 }
 
-/// Checks that Karat and naga both accept a text or both refuse it. Only WESL may be an exception. Returns `true` if
-/// naga accepts the text.
+/// Checks that Karat and naga both accept a text or both refuse it. There is one exception: Karat may also accept WESL,
+/// which naga refuses. Returns `true` if naga accepts the text and the text contains no null character.
 fn compare(text: &str, number: usize) -> bool {
     let package = Package::from_source("damaged", text);
     let karat = Program::of_module(&package, "");
@@ -361,7 +361,8 @@ fn compare(text: &str, number: usize) -> bool {
     naga
 }
 
-/// Before Karat had limits for such texts, they crashed the process or took seconds.
+/// Karat limits the depth and the length of shaders. Without these limits, the shaders of this test crashed the process
+/// or took seconds.
 // Lesson 56
 #[test]
 fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
@@ -460,7 +461,8 @@ fn names_of_wgsl_may_be_declared() {
     assert_eq!(value(&modules, "a::f"), 1.5);
 }
 
-/// The linker replaces a name only where the name means the import: a local variable of the same name stays as it is.
+/// The linker replaces a name only where the name means the import: the linker doesn't rename a local variable with the
+/// same name.
 // Lesson 51
 #[test]
 fn only_names_that_mean_the_import_are_replaced() {

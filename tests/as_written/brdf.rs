@@ -26,7 +26,7 @@ fn reflectance() -> impl Domain<Value = Vec3> {
     UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
 }
 
-/// Widths for which a normalised half vector, rounded to f32, is exact enough.
+/// GGX widths for which rounding the half vector to f32 has little effect.
 const WIDE: std::ops::RangeInclusive<f32> = 0.1..=1.0;
 
 fn view(degrees: f64) -> Vec3 {
@@ -41,12 +41,12 @@ fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
         .map(|(l, weight)| (l.as_vec3(), weight * l.z))
 }
 
-/// The arguments of a BRDF with a white `f0`, and the weights, for the integral over a white furnace.
+/// For the integral in a white furnace: the arguments of a BRDF with a white `f0`, and their weights.
 fn white(&(alpha, v): &(f32, Vec3)) -> Vec<((Vec3, f32, Vec3, Vec3), f64)> {
     lights(alpha, v).map(|(l, weight)| ((Vec3::ONE, alpha, v, l), weight)).collect()
 }
 
-/// Mistake P1: the result is pi times too bright.
+/// Mistake P1: the result is too bright by the factor pi.
 #[test]
 fn lambert_of_shaders_lacks_its_pi() {
     let lambert = || PBR.function("as_written::brdf::lambert");
@@ -59,7 +59,7 @@ fn lambert_of_shaders_lacks_its_pi() {
     );
 }
 
-/// Mistake P1: in a white furnace, the diffuse part returns pi.
+/// Mistake P1: in a white furnace, the diffuse part of the result is pi instead of at most 1.
 #[test]
 fn mixed_conventions_return_more_than_pi() {
     let furnace = || {
@@ -79,7 +79,7 @@ fn mixed_conventions_return_more_than_pi() {
     furnace().agrees_with(|view| DVec3::splat(PI + specular(view)), Abs(1e-4));
 }
 
-/// Mistake E9: the result is too bright by exactly 4 / pi, so it is 1.27 in a white furnace.
+/// Mistake E9: the result is too bright by exactly the factor 4 / pi, so a narrow lobe returns 1.27 in a white furnace.
 #[test]
 fn cook_torrance_as_quoted_is_too_bright() {
     let quoted = || PBR.function("as_written::brdf::cook_torrance");
@@ -109,8 +109,8 @@ fn tri_ace(
     (UnitRgb, reflectance(), exponent, above(), above())
 }
 
-/// Mistake E10: the result is infinite at n = 2. At n = 4 the highlight is -7/8 of the right highlight, and at n = 100
-/// nearly 0.
+/// Mistake E10: the result is infinite at n = 2. At n = 4 the highlight is the right highlight times -7/8, and at n =
+/// 100 the highlight is nearly 0.
 #[test]
 fn tri_ace_s_printed_normalisation_has_a_pole() {
     let printed = || PBR.function("as_written::brdf::tri_ace_normalisation");
@@ -143,7 +143,8 @@ fn tri_ace_s_printed_normalisation_has_a_pole() {
     );
 }
 
-/// Mistake E11: a black surface has no highlight. A white surface has 1 / pi of the right highlight.
+/// Mistake E11: a black surface has no highlight. On a white surface, the highlight is the right highlight divided by
+/// pi.
 #[test]
 fn tri_ace_s_printed_bracket_takes_the_highlight() {
     let printed = || PBR.function("as_written::brdf::tri_ace_bracket");
@@ -168,8 +169,8 @@ fn tri_ace_s_printed_bracket_takes_the_highlight() {
         );
 }
 
-/// In a white furnace at alpha = 1, the result is 1 / (2 N.V). That is 57.3 instead of at most 1 for a view at 89.5
-/// degrees.
+/// In a white furnace at alpha = 1, the result is 1 / (2 N.V). For a view at 89.5 degrees, this is 57.3, and a correct
+/// BRDF returns at most 1.
 #[test]
 fn without_g_grazing_views_glow() {
     let without = || PBR.function("as_written::brdf::microfacet_without_g");
@@ -182,8 +183,8 @@ fn without_g_grazing_views_glow() {
     furnace().agrees_with(|_| DVec3::splat(expected), Rel(1e-4));
 }
 
-/// With clamped cosines, the BRDF isn't 0 for light from below. At alpha = 1, seen from above, the BRDF is 1 / (2 pi (1
-/// + 0.001)) = 0.159 for each of these directions.
+/// With clamped cosines, the BRDF isn't 0 for light from below. At alpha = 1, seen from above, the BRDF is 1 / (2.002
+/// pi) = 0.159 for light from each tested direction.
 #[test]
 fn clamped_dots_reflect_light_from_below() {
     let clamped = || PBR.function("as_written::brdf::microfacet_of_clamped_dots");

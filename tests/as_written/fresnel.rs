@@ -16,7 +16,8 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The disagreement; `None` if all drivers belong to `families`, whose drivers don't show the mistake.
+/// The disagreement that the check found; `None` if the check passed and all drivers belong to `families`, which may
+/// hide the mistake.
 fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
     let may_agree = |adapter: &Adapter| families.contains(&adapter.family().as_str());
     match result {
@@ -31,7 +32,7 @@ fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Optio
 
 /// If a mirror is seen at normal incidence, the half vector equals the view vector. For a fifth of the vectors
 /// normalised in f32, the dot product of the vector with itself rounds to above 1. Then the base of `pow` is negative,
-/// and the result is NaN. This happens in 20 % of the cases.
+/// and the result is NaN.
 #[test]
 fn pow_of_a_cosine_above_one() {
     // The vectors are normalised in f32, as in a shader.
@@ -52,8 +53,8 @@ fn pow_of_a_cosine_above_one() {
     }
 }
 
-/// Where the power is defined, its error is 81 ulp, compared with 6 ulp for multiplications. The reason is that the
-/// product of exponent and logarithm is rounded before `exp2`.
+/// Where `pow` is defined, its error is 81 ulp, compared with 6 ulp for multiplications. The reason is that the product
+/// of exponent and logarithm is rounded before `exp2`.
 #[test]
 fn pow_is_less_accurate() {
     // V.H is the z component of H.

@@ -44,7 +44,7 @@ fn normals() -> impl Domain<Value = Vec3> {
     UnitVector.filter(|n| n.x.hypot(n.z) > 1e-3)
 }
 
-/// The step sizes in the article.
+/// The two step sizes, of azimuth and polar angle, in the article that `shaders/README.md` cites.
 const PRINTED: (f32, f32) = (0.025, 0.1);
 
 /// A check of the article's loop in a white environment, for all normals.
@@ -76,9 +76,9 @@ fn furnace_of_library(function: &str) -> karat::check::Probe<'static> {
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// Mistake E17: in a Monte Carlo estimate, four times as many terms would halve the error. Here the error stays: 0.9805
-/// becomes 0.9815, because 32 steps of 0.05 end at 1.6, as 16 steps of 0.1 do. The loop isn't a Monte Carlo estimate,
-/// because it uses no random numbers.
+/// Mistake E17: in a Monte Carlo estimate, four times as many terms would halve the error. The loop uses no random
+/// numbers, so it isn't a Monte Carlo estimate, and its error stays: 0.9805 becomes 0.9815. The reason is that 32 steps
+/// of 0.05 end at 1.6 instead of pi / 2, just as 16 steps of 0.1 do.
 #[test]
 fn more_terms_are_not_more_samples() {
     let halved = (PRINTED.0 / 2.0, PRINTED.1 / 2.0);
@@ -87,8 +87,8 @@ fn more_terms_are_not_more_samples() {
     nested_loop(halved).agrees_with(|_: DVec3, _: f64, _: f64| DVec3::splat(0.9815), Abs(5e-5));
 }
 
-/// Mistake E20: if a map's side is odd, the result at the centre of faces 2 and 3 is NaN. This includes each map of
-/// side 1.
+/// Mistake E20: for a normal along Y, at the centre of faces 2 and 3, the result is NaN. If a map's side is odd, for
+/// example 1, a texel is at this centre.
 #[test]
 fn nothing_is_right_of_up() {
     let upright = || OneOf(vec![Vec3::Y, Vec3::NEG_Y]);
@@ -115,13 +115,14 @@ fn nothing_is_right_of_up() {
         .agrees_with(|n: DVec3, _: u32, _: u32| below(n), Abs(5e-4));
 }
 
-/// An irradiance map of a sky that is brighter above: E / pi is 1 + 0.6 z, except for filtering.
+/// An irradiance map of a sky that is brighter towards +Z: E / pi is 1 + 0.6 z, apart from errors of the texture
+/// filter.
 fn irradiance_map() -> CubeMap {
     let gradient = 0.9 * DVec3::Z;
     CubeMap::from_fn(32, |n| Vec3::splat(irradiance::linear(n.as_dvec3(), 1.0, gradient) as f32))
 }
 
-/// Mistake E7: at grazing angles, a white floor shows 1 instead of 1.6.
+/// Mistake E7: seen at grazing angles, a white floor has the radiance 1 instead of 1.6.
 #[test]
 fn a_lambertian_looks_the_same_from_everywhere() {
     let floor = |v: Vec3| {
@@ -150,7 +151,7 @@ fn a_lambertian_looks_the_same_from_everywhere() {
     floor(Vec3::Z).agrees_with(below, filter);
 }
 
-/// Mistake E8: the result is 1 / pi of the right irradiance.
+/// Mistake E8: the result is the right radiance divided by pi.
 #[test]
 fn stored_irradiance_is_already_divided_by_pi() {
     let white = || PBR.function("as_written::irradiance::lambert").over((UnitRgb, Just(Vec3::ONE)));
@@ -167,8 +168,8 @@ fn stored_irradiance_is_already_divided_by_pi() {
     }
 }
 
-/// Mistake E19: the test has the last line of the article's shader, `return float4( PI * sampledColour / index), 1 );`,
-/// in WGSL.
+/// Mistake E19: the test contains the last line of the article's shader in WGSL:
+/// `return float4( PI * sampledColour / index), 1 );`.
 #[test]
 fn an_unbalanced_parenthesis_is_shown_where_it_is() {
     let text = "const PI: f32 = 3.14159265;\n\n\

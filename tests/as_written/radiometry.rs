@@ -18,7 +18,8 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// Pairs of a radiance, and a number of rings that divide the hemisphere. A sum over 64 rings has 64 roundings.
+/// Pairs of a sky's radiance and the number of rings into which the shader divides the hemisphere. A sum over 64 rings
+/// has 64 roundings.
 fn skies() -> impl Domain<Value = (f32, u32)> {
     (1e-3..=1e3_f32, Integers(1..=64_u32))
 }
@@ -38,7 +39,7 @@ fn radiance_summed_without_its_cosine() {
     sky().agrees_with(|radiance: f64, _: u32| 2.0 * PI * radiance, SUM);
 }
 
-/// Mistake E4. The law with `<` is wrong for one albedo: it forbids the white Lambertian.
+/// Mistake E4. The law with `<` is wrong for one albedo only: it forbids the white Lambertian, whose albedo is 1.
 #[test]
 fn conservation_without_white() {
     let albedos = Grid::linear(0.0..=2.0, 201);
@@ -52,9 +53,10 @@ fn conservation_without_white() {
     }
 }
 
-/// Mistake E5. A Lambertian reflects its albedo for light from any direction. The printed law computes 2 albedo (N.L)
-/// instead. For a white Lambertian at normal incidence the law gives 2, as if the surface created energy. For a
-/// Lambertian of albedo 2 at N.L = 1/8 the law gives 1/2 and is satisfied, although this surface does create energy.
+/// Mistake E5. For light from any direction, the share that a Lambertian reflects is its albedo. The printed law
+/// computes 2 albedo (N.L) instead. For a white Lambertian at normal incidence the law gives 2, as if the surface
+/// created energy. For a Lambertian of albedo 2 at N.L = 1/8 the law gives 1/2 and is satisfied, although this surface
+/// does create energy.
 #[test]
 fn conservation_with_the_incoming_cosine() {
     let over = |albedos: std::ops::RangeInclusive<f32>, n_dot_l: f32| {
@@ -82,7 +84,8 @@ fn conservation_with_the_incoming_cosine() {
 }
 
 /// Mistake E6. A mirror keeps the radiance that arrives through a small solid angle dw, so its BRDF is 1 / (cos dw). A
-/// BRDF of 1 would keep only cos dw of the radiance: 6.8e-5 of the sun's radiance at normal incidence.
+/// BRDF of 1 would multiply the radiance by cos dw: the mirror image of the sun at normal incidence would have only
+/// 6.8e-5 of the sun's radiance.
 #[test]
 fn a_mirror_of_one() {
     let mirror = || PBR.function("as_written::radiometry::mirror_brdf");

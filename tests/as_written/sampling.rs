@@ -23,7 +23,7 @@ fn share(found: &Disagreement) -> f64 {
     census.failures as f64 / census.cases as f64
 }
 
-/// Mistake P6. Half of the azimuths are above pi, where WGSL gives no bound for the error of `sin` and `cos`.
+/// Mistake P6. Half of the lecture's azimuths are above pi, where WGSL gives no bound for the error of `sin` and `cos`.
 #[test]
 fn azimuths_leave_the_range_of_sine_and_cosine() {
     let uniform = (0..4096_u16).map(|i| (f32::from(i) + 0.5) / 4096.0);
@@ -39,8 +39,8 @@ fn azimuths_leave_the_range_of_sine_and_cosine() {
         .agrees_with(|u: f64| TAU * u, Ulp(1.0));
 }
 
-/// Mistake P3. At m = 0 and u.y = 1 the library's function returns the surface's normal. The lecture's formula computes
-/// 0 / 0.
+/// Mistake P3. At m = 0 and u.y = 1, the lecture's formula computes 0 / 0. The library's function returns the surface's
+/// normal.
 #[test]
 fn a_mirror_has_no_normal() {
     let edge = || (Just(0.0_f32), Just(Vec2::new(0.5, 1.0)));
@@ -61,8 +61,8 @@ fn smooth() -> impl Domain<Value = (f32, Vec2)> {
     (1e-4..=1e-3_f32, (0.0..=0.0_f32, 0.1..=0.9_f32).map(|(x, y)| Vec2::new(x, y)))
 }
 
-/// Mistake P4. The lecture computes the sine from the rounded cosine, which is nearly 1. The true sine is 5e-5 to 3e-3
-/// here, and the lecture's sine has no right digit.
+/// Mistake P4. The lecture computes the sine from the rounded cosine, which is nearly 1. In this test, the true sine is
+/// 5e-5 to 3e-3, and the lecture's sine has no correct digit.
 #[test]
 fn sines_of_smooth_surfaces_are_lost() {
     let sine = |alpha: f64, u: DVec2| (alpha * u.y.sqrt()).atan2((1.0 - u.y).sqrt()).sin();
@@ -102,8 +102,8 @@ fn sines_of_smooth_surfaces_are_lost() {
         .agrees_with(sine, Rel(1e-6));
 }
 
-/// Mistake E14. The median of the tangent of GGX's normals is alpha. The lecture has alpha = roughness, and Karis has
-/// alpha = roughness^2, so the lecture's lobe is wider by the factor 1 / roughness.
+/// Mistake E14. For normals that GGX distributes, the median of the tangent is alpha. The lecture has alpha =
+/// roughness, and Karis has alpha = roughness^2, so the lecture's lobe is wider by the factor 1 / roughness.
 #[test]
 fn roughness_is_not_squared() {
     let median = || PBR.function("as_written::sampling::median_tangent").over(0.05..=0.9);
@@ -133,7 +133,7 @@ fn a_radical_inverse_returns_one() {
         .agrees_with(sampling::radical_inverse, Ulp(1.0));
 }
 
-/// In a white environment, N plain Hammersley points give exactly 1 - 1/N instead of 1.
+/// In a white environment, an estimate with N Hammersley points that aren't centred is exactly 1 - 1/N instead of 1.
 #[test]
 fn plain_points_are_dark() {
     let furnace = || {

@@ -83,7 +83,8 @@ fn a_clamped_cosine_gives_no_mirror_direction() {
         .agrees_with(|_: DVec3, _: DVec3| DVec3::new(-0.8, 0.0, 0.6), Abs(2e-3));
 }
 
-/// A cube map in which the colour of each level is the level's number, so the result is the mean level.
+/// A cube map in which the colour of each level is the level's number, so an estimate returns the mean of the levels
+/// that it reads.
 fn numbered(size: u32) -> CubeMap {
     let last = size.ilog2();
     let levels = (0..=last).map(|level| vec![[level as f32; 4]; 6 << (2 * (last - level))]);

@@ -29,8 +29,8 @@ impl Bare {
         Self { device, queue }
     }
 
-    /// Does all work from the compilation to the comparison with the reference, and returns the largest absolute error
-    /// over `cases` cases.
+    /// Compiles the shader, runs `cases` cases and compares them with the reference. Returns the largest absolute
+    /// error.
     pub(crate) fn run(&self, cases: u32) -> f64 {
         let inputs = Self::inputs(cases);
         self.call(&inputs, |outputs| {
@@ -60,7 +60,7 @@ impl Bare {
         inputs.iter().map(|input| expected(*input)[2]).sum()
     }
 
-    /// Does all work from the compilation to the results: upload, dispatch and read-back.
+    /// Compiles the shader, uploads the inputs, dispatches and reads the results back.
     pub(crate) fn call<T>(&self, inputs: &[[f32; 3]], read: impl FnOnce(&[[f32; 3]]) -> T) -> T {
         let Self { device, queue } = self;
         let cases = u32::try_from(inputs.len()).expect("a dispatch of them");

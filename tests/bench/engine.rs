@@ -12,8 +12,8 @@ use super::{STARTS, Spread, spawn};
 const FEW: usize = 10;
 const CHECKS: usize = 110;
 
-/// Runs a task in a child process on a path, and returns the time in seconds and the printed number. If `cold`, the
-/// child has its own empty driver cache.
+/// Runs a task in a child process on a path. Returns the time of the process in seconds, and the number that it
+/// printed. If `cold`, the child has its own empty driver cache.
 fn on(path: &str, task: &str, cold: bool) -> (f64, f64) {
     let cache = tempfile::tempdir().expect("a temporary folder");
     let folder = cache.path().display().to_string();
@@ -60,8 +60,8 @@ pub(super) fn run() {
     }
 }
 
-/// Times the sanitizer, and the runs in other orders of invocations. Both times are relative to a plain run of the
-/// pass.
+/// Times the sanitizer, and the runs in other orders of invocations. The benchmark prints both times relative to a
+/// plain run of the pass.
 pub(super) fn sanitizer() {
     println!(
         "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
@@ -81,7 +81,7 @@ pub(super) fn sanitizer() {
     println!("  in another order, each     {}", Spread::of(order));
 }
 
-/// The number of orders that the benchmark runs.
+/// The number of other orders in which the benchmark runs the pass.
 const ORDERS: &str = "6";
 
 /// A shader in which each workgroup has a tile of 64 `u32`s. Each invocation adds up the weighted values of the tile,
@@ -151,7 +151,7 @@ pub(super) fn child(task: &str) -> bool {
     true
 }
 
-/// The speed after warming up, in millions of cases per second.
+/// The speed of `check` in millions of cases per second, measured after one run to warm up.
 fn steady(cases: u64, check: fn(u64)) -> f64 {
     check(cases);
     let start = Instant::now();
@@ -189,8 +189,8 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// Runs a check of a sum over 64 filtered samples of a cube map. The check has no reference, so the benchmark measures
-/// only the path.
+/// Runs a check of a sum over 64 filtered samples of a cube map. The check computes no reference, so nearly all of its
+/// time is the time of the path.
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::from_fn(32, |direction| 1.0 + 0.5 * direction))

@@ -14,8 +14,8 @@ use super::{Spread, spawn};
 const WIDTH: u32 = 1920;
 const HEIGHT: u32 = 1080;
 
-/// A golden with gradients and edges, over seven stops. In a tenth of the pixels, red and green are 40 times as bright
-/// as in the other pixels.
+/// A golden with gradients and edges, and values from 0.1 to 44. In a tenth of the pixels, red and green are 40 times
+/// as bright as in the other pixels.
 fn golden() -> Image {
     let pixel = |index: u32| {
         let (x, y) = (index % WIDTH, index / WIDTH);
@@ -44,8 +44,8 @@ fn with_hole(image: &Image) -> Image {
     changed
 }
 
-/// Compares a frame that differs from its golden everywhere. The peak memory of this process then includes both images,
-/// and FLIP for all pixels.
+/// Compares a frame that differs from its golden everywhere. So the peak memory of this process includes both images,
+/// and the work of FLIP for all pixels.
 pub(super) fn compare_one() {
     let golden = golden();
     let actual = scaled(&golden, 1.01);

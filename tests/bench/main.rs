@@ -1,8 +1,8 @@
 //! Karat's benchmark, which `cargo ci bench` runs.
 //!
-//! The benchmark is built in the profile of `cargo test`, because authors wait for that profile. Because the times of a
-//! machine vary, a run alternates between the tasks that it compares, and prints each figure as a median with its
-//! spread.
+//! The benchmark is built in the profile of `cargo test`, because authors run their tests in this profile and wait for
+//! them. Because the speed of a machine varies, a run alternates between the tasks that it compares, and prints each
+//! figure as a median with its spread.
 
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
@@ -163,7 +163,7 @@ fn throughput() {
     }
 }
 
-/// Measures each step's share of the time of a check with many cases.
+/// Measures where a check with many cases spends its time: draws, the device, the reference.
 fn costs() {
     const CASES: u32 = 1_000_000;
     println!("\nsampling::ggx_normal with 1,000,000 cases: where the time goes [ns a case]");
@@ -201,8 +201,8 @@ fn costs() {
     }
 }
 
-/// Times a sampler with its density: the pilot run, the integrals over 512 cells, the samples, and the density of each
-/// sample.
+/// Times the test of a sampler against its density: the pilot run, the integrals over 512 cells, the samples, and the
+/// density of each sample.
 fn samplers() {
     println!("\nsampling::ggx_visible_normal against its density, one configuration [s]");
     let v = glam::Vec3::new(0.6, 0.0, 0.8);

@@ -16,7 +16,7 @@ const MODULES: usize = 10;
 /// The number of edits. The benchmark prints the median.
 const EDITS: usize = 20;
 
-/// The longest wait for a verdict, which is far longer than a verdict takes.
+/// The time limit for a verdict. A verdict usually needs far less time.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(super) fn run() {
@@ -119,7 +119,7 @@ impl Watch {
         Self { child, lines }
     }
 
-    /// Waits for the path's verdict, which must be that all tests pass. Returns the time in ms.
+    /// Waits for the path's verdict, and returns the time in ms. Panics if a test fails.
     fn verdict(&mut self, path: &str) -> f64 {
         let (began, start) = (Instant::now(), format!("{path}: "));
         loop {

@@ -1,5 +1,5 @@
 //! Frames as engines draw them. For each kind of pipeline state (blending, culling, depth), a test draws an image that
-//! is wrong if a path ignores this state.
+//! comes out wrong if a path ignores blending, for example.
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::Path;
@@ -13,7 +13,7 @@ use karat::{Frame, Image};
 
 const SIZE: u32 = 8;
 
-/// A shader whose fragment functions write constant colours of a uniform buffer.
+/// A shader whose fragment functions return colours from a uniform buffer.
 const FLAT: &str = "
 struct Flat { color: vec4f, depth: f32 }
 @group(0) @binding(0) var<uniform> flat: array<Flat, 3>;

@@ -10,7 +10,8 @@ fn check(text: &str) -> Package {
     Package::from_source("f", text)
 }
 
-/// The value behind a pointer is an argument. The value behind the pointer after the call is an additional result.
+/// If a function has a pointer parameter, the check passes the value behind the pointer as an argument. After the call,
+/// the value behind the pointer is an additional result.
 // Lesson 123
 #[test]
 fn pointers_are_values_in_and_out() {
@@ -386,8 +387,8 @@ fn storage_textures_are_read_back() {
         );
 }
 
-/// Each argument is a value with its derivatives over a quad of pixels. The check judges the result at the quad's upper
-/// left pixel.
+/// If a function uses derivatives, each argument is a value with its derivatives over a quad of pixels. The check
+/// judges the result at the quad's upper left pixel.
 // Lesson 126
 #[test]
 fn derivatives_over_quads() {
@@ -481,7 +482,7 @@ fn implicit_levels_of_detail() {
 }
 
 /// The level of detail of a cube map depends on the distance between the points that two adjacent pixels sample on a
-/// face. If the vectors of direction are longer, the same derivatives give a shorter distance.
+/// face. The longer the direction vectors are, the shorter is this distance for the same derivatives.
 #[test]
 fn implicit_levels_of_detail_of_cubes() {
     let package = check(
@@ -545,7 +546,7 @@ fn variables_at_one_place_are_refused() {
 }
 
 /// A message shows the expression that first gives NaN or infinity, with file, line and column, even if a `clamp` hides
-/// the number. Messages about buffers of passes do so, too.
+/// the number. Messages about the buffers of passes also show this expression.
 #[test]
 fn nan_and_infinity_have_a_place() {
     let text = "fn g(v: f32, l: f32) -> f32 {\n    return (v * l) / (4.0 * v * l);\n}\n\

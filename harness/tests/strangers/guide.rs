@@ -237,7 +237,8 @@ fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
     parts.into_iter().map(|rest| rest.split("```").next().unwrap_or_default()).collect()
 }
 
-/// The text of a sample without blanks, trailing commas, and the code around a test in its file.
+/// The text of a sample without white space, without trailing commas, and without lines such as `use ...` and
+/// `#[test]`.
 fn plain(text: &str) -> String {
     let around = ["use ", "// tests/", "// shaders/", "#[test]", "static "];
     let kept =
@@ -263,8 +264,8 @@ fn the_guide_has_these_samples() {
     assert_eq!(count, 18);
 }
 
-/// The tests of the samples use each shader of the guide, with these exceptions. `harness/tests/package.rs` and
-/// `harness/cli/tests/cli/asserts.rs` test the shaders with `@if`. No test imports Bevy's shader, because the test
+/// The tests of the samples use each shader of the guide, except for the following shaders. `harness/tests/package.rs`
+/// and `harness/cli/tests/cli/asserts.rs` test the shaders with `@if`. No test imports Bevy's shader, because the test
 /// would fetch a crate. The crate karat-suite tests the shaders with `@test`. `cargo ci dist` runs the shaders of the
 /// page for the web, and `harness/cli/tests/cli/tutorial.rs` runs the shaders of the tutorial.
 // Lesson 137

@@ -1,5 +1,5 @@
-//! Tests of each kind of resource, function and draw that the shaders of other projects use. A test fails if Karat
-//! ignores this kind.
+//! Tests of each kind of resource, function and draw that the shaders of other projects use. If Karat ignores one kind,
+//! a test of this kind fails.
 
 mod compute;
 mod frames;

@@ -113,7 +113,8 @@ fn filters_between_levels_and_their_clamp() {
     check(Sampler::LINEAR.lod(1.0, 1.5), |lod| lod.clamp(1.0, 1.5));
 }
 
-/// The filter `mag` is used for texels larger than a pixel, and `min` for smaller ones.
+/// The sampler uses the filter `mag` for texels larger than a pixel, and the filter `min` for texels smaller than a
+/// pixel.
 // Lesson 119
 #[test]
 fn filters_of_larger_and_smaller_texels() {
@@ -505,8 +506,8 @@ fn errors_carry_their_source() {
     assert!(matches!(*cause, karat::fixture::FixtureError::Missing { .. }));
 }
 
-/// On GL, a sampler filters only 16-bit floats. If no sampler reads a texture, its texels keep all their bits on GL,
-/// too.
+/// On GL, a sampler filters only 16-bit floats. If a shader only loads texels, without a sampler, the texels keep all
+/// their bits on GL, too.
 // Lesson 133
 #[test]
 fn loaded_texels_have_full_precision() {

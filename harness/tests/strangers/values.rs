@@ -12,7 +12,7 @@ use karat::{Check, Goldens};
 use tempfile::TempDir;
 
 /// A folder of goldens, and the folder of pending files. In CI all tests share the folder of pending files, so each
-/// test uses its own names.
+/// test gives its goldens names that no other test uses.
 pub(crate) struct Project {
     folder: TempDir,
     pub(crate) goldens: Goldens,

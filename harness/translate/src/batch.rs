@@ -37,8 +37,8 @@ impl Tool {
         each.map(|(said, one)| said.unwrap_or_else(|| self.validate(one))).collect()
     }
 
-    /// Checks if one process accepts all files. If this function returns `false`, the caller checks each file
-    /// separately by [`validate`](Self::validate).
+    /// Checks if one process accepts all translations of the batch. If this function returns `false`, the caller checks
+    /// each translation separately by [`validate`](Self::validate).
     fn all_valid(&self, target: Target, batch: &[&Translation]) -> bool {
         batch.len() > 1 && self.judges_files(target) && self.find_nothing(batch).unwrap_or(false)
     }

@@ -50,7 +50,7 @@ pub enum Kind {
     },
     /// A sampler.
     Sampler,
-    /// A resource of an extension, or a storage texture.
+    /// A storage texture, a multisampled texture, or a resource of a WGSL extension, such as an acceleration structure.
     Other,
 }
 
@@ -92,8 +92,8 @@ impl Bindings {
         self.0.iter()
     }
 
-    /// The binding in the translation of the resource with this WGSL group and binding; `None` if the shader has no
-    /// such resource.
+    /// The translated binding of the resource that has this group and binding in WGSL; `None` if the shader has no such
+    /// resource.
     #[must_use]
     pub fn of(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         self.iter().find(|resource| resource.wgsl == (group, binding)).map(|r| r.translated)

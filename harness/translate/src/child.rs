@@ -14,7 +14,7 @@ const MOST_WRITTEN: u64 = 16 << 20;
 /// The maximum number of bytes of a program's output that Karat keeps.
 const MOST_KEPT: u64 = 64 << 10;
 
-/// The pause before Karat checks for the first time if a program has ended. Later pauses are longer.
+/// The time that Karat waits before it first checks if a program has ended. Later pauses are longer.
 const FIRST_PAUSE: Duration = Duration::from_micros(500);
 const LONGEST_PAUSE: Duration = Duration::from_millis(20);
 

@@ -146,7 +146,7 @@ const OUTPUT: &str = "out.spv";
 #[derive(Debug)]
 pub(crate) struct Compiled {
     pub(crate) ran: Ran,
-    /// The words of the file that the compiler wrote, if they are SPIR-V.
+    /// The SPIR-V that the compiler wrote; `None` if the compiler failed or wrote no SPIR-V.
     words: Option<Vec<u32>>,
 }
 
@@ -165,8 +165,7 @@ pub(crate) fn run(
     translation: &Translation,
 ) -> io::Result<Arc<Compiled>> {
     type Known = (Vec<String>, String, Arc<Compiled>);
-    /// The number of results that this function keeps. Karat checks at most so many shaders together before it runs
-    /// them.
+    /// The number of results that this function keeps. Karat checks at most 128 shaders together before it runs them.
     const KEPT: usize = 128;
     static LAST: Mutex<VecDeque<Known>> = Mutex::new(VecDeque::new());
     let text = translation.code.text().expect("compilers read text");
@@ -202,8 +201,8 @@ fn spirv(bytes: &[u8]) -> Option<Vec<u32>> {
 /// The magic number at the start of SPIR-V.
 const MAGIC: u32 = 0x0723_0203;
 
-/// The error that `spirv-val` finds in SPIR-V. Karat runs `spirv-val` because drivers don't check SPIR-V. If
-/// `spirv-val` isn't installed, returns `None`.
+/// The error that `spirv-val` finds in SPIR-V; `None` if the SPIR-V is valid, or if `spirv-val` isn't installed. Karat
+/// runs `spirv-val` because drivers don't check SPIR-V.
 fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
     let folder = tempfile::tempdir()?;
@@ -219,8 +218,8 @@ fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     })
 }
 
-/// Checks if glslang's SPIR-V returns the length of a buffer in 32-bit words. HLSL's `ByteAddressBuffer.GetDimensions`
-/// returns bytes, so correct SPIR-V multiplies the length by 4.
+/// Checks if glslang's SPIR-V computes the length of a buffer in 32-bit words instead of bytes. HLSL's
+/// `ByteAddressBuffer.GetDimensions` returns bytes, so correct SPIR-V multiplies the length by 4.
 fn counts_words(words: &[u32]) -> bool {
     // The instructions' numbers in the SPIR-V specification.
     const OP_ARRAY_LENGTH: u32 = 68;

@@ -50,7 +50,7 @@ fn plain(name: &str) -> String {
     name.trim_end_matches('_').to_owned()
 }
 
-/// The first difference between WGSL's structures and the structures in SPIR-V, as a message.
+/// A message about the first member whose offset in SPIR-V differs from the offset in WGSL; `None` if all are equal.
 pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
     let made = structures_of(words);
     for wanted in structures {

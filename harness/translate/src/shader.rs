@@ -198,7 +198,7 @@ impl Shader {
 
 impl Shader {
     /// Wraps the WGSL from which the shader was [parsed](Self::parse) as a [`Translation`] without translating it.
-    /// Executors use this translation if they run the shader without translating it.
+    /// Executors that run WGSL directly use this translation.
     ///
     /// # Errors
     /// If the shader has no such entry point.

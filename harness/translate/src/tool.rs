@@ -16,9 +16,11 @@ pub enum Verdict {
     Valid,
     /// The tool rejects the translation with this message.
     Invalid(String),
-    /// No verdict: the tool doesn't support a part of the language. Holds the missing part and the tool's output.
+    /// No verdict: the tool doesn't support a feature of the language. The text names the feature, and contains the
+    /// tool's output.
     Unable(String),
-    /// No verdict: the tool crashed, took too long, or wrote too much. Holds the problem and the tool's output.
+    /// No verdict: the tool crashed, took too long, or wrote too much. The text contains the problem and the tool's
+    /// output.
     Broke(String),
 }
 
@@ -307,10 +309,11 @@ impl Tool {
         }
     }
 
-    /// The part of the language that the tool doesn't support, if its first error is about that part. Later errors may
-    /// follow from the first.
+    /// The feature of the language that the tool doesn't support, if the tool's first error is about that feature. Only
+    /// the first error counts, because it may cause the later errors.
     fn lacks(&self, target: Target, output: &str) -> Option<&'static str> {
-        /// glslang's messages (as of 11.12) about HLSL that DXC and FXC accept.
+        /// glslang's error messages (as of 11.12) about HLSL that DXC and FXC accept, and the reasons that Karat
+        /// reports.
         const OF_HLSL: [(&str, &str); 2] = [
             (
                 "array constructor needs one argument per array element",

@@ -100,8 +100,8 @@ fn translations_of_naga_are_valid_for_the_installed_tools() {
     assert_eq!(read.verdict, Verdict::Valid);
 }
 
-/// glslang doesn't support the zero value of an array, so its verdict is `Unable`. If glslang finds another error
-/// before this value, its verdict is `Invalid`.
+/// glslang doesn't support the zero value of an array, so its verdict is `Unable`. If glslang reports a different error
+/// first, its verdict is `Invalid`.
 // Lesson 160
 #[test]
 fn arrays_of_workgroups_are_no_fault_of_hlsl() {
@@ -128,7 +128,7 @@ fn arrays_of_workgroups_are_no_fault_of_hlsl() {
     }
 }
 
-/// Each validator rejects a translation with an error. If a validator accepted all translations, its verdicts would
+/// Each validator rejects a translation into which the test writes an error. A validator that accepts everything would
 /// prove nothing.
 // Lesson 82
 #[test]

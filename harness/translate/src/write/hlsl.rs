@@ -72,7 +72,7 @@ pub(crate) fn takes_constants(module: &Module, entry_point: &str) -> bool {
 }
 
 /// Checks if an entry point of the module uses a builtin value that differs between Direct3D and Vulkan, such as
-/// `vertex_index`. Then naga's HLSL reads this value from a buffer that the host fills.
+/// `vertex_index`. In HLSL, such an entry point reads the value from a buffer that the host fills.
 fn needs_constants(module: &Module) -> bool {
     module.entry_points.iter().any(|one| asks_constants(module, &one.function))
 }
