@@ -101,7 +101,7 @@ struct NotThere(String);
                   modules), NO_COLOR.\n\
                   Exit codes: 0 success; 1 a check failed, a frame differs, an acceptance is refused; \
                   2 the command couldn't do its work;\n3 an input is missing (an image, a golden, a record). \
-                  If a program that reads the output ends early, such as `head`, the exit code doesn't change."
+                  If the program that reads the output (such as `head`) ends early, the exit code doesn't change."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -196,7 +196,7 @@ enum Command {
                             karat translate scene --to msl --validate\n  \
                             karat translate scene --to glsl --entry-point fs_main --out scene.frag\n  \
                             karat translate fresnel::schlick --to spirv | spirv-dis\n\
-                            naga runs with the options that wgpu sets; the first line of the output lists the options.\n\
+                            Karat gives naga the options that wgpu sets; the first line of the output lists these options.\n\
                             Exit codes: 0 the shader is translated, and with --validate the translation is valid; 1 a validator \
                             rejects the translation;\n2 naga can't translate the shader, or the shader can't be read.")]
     Translate(translate::Args),
@@ -208,8 +208,8 @@ enum Command {
                             The status of a row is `translated` if naga translates it, `valid` if all installed validators accept it,\n\
                             `executed` if it runs on inputs generated from its signature, and `agrees` if another column has the\n\
                             same results. If no validator is installed, no row gets the status `valid`.\n\
-                            Exit codes: 0 karat.toml declares all failures, and --require is met;\n1 a row fails, and karat.toml doesn't declare \
-                            this failure, or --require isn't met; 2 a function can't be read, or no row was judged."
+                            Exit codes: 0 karat.toml declares all failures, and --require is met;\n1 --require isn't met, or a row fails and karat.toml \
+                            doesn't declare this failure; 2 a function can't be read, or no row has a status."
     )]
     Matrix(matrix::Args),
     /// Finds operations that can go wrong, without a test: NaN, infinities, lost digits
@@ -307,8 +307,8 @@ enum Command {
                             no golden.\nComparisons by checks with `.unrecorded()` don't count.\n\
                             Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its provenance \
                             (`.toml`) doesn't match its image,\nor a file doesn't belong to a golden; 2 a file \
-                            can't be read; 3 no verdict: there is no golden,\nor no record of a \
-                            full run that passed and compared frames with goldens of this folder.")]
+                            can't be read; 3 no verdict: there is no golden or no record,\nor the last run \
+                            failed, ran only some of the tests, or compared none of the goldens.")]
     Unreferenced(unreferenced::Args),
     /// Compares an image of another program with its golden
     #[command(name = "match", after_help = matching::EXAMPLES)]

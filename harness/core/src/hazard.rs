@@ -73,13 +73,13 @@ impl Kind {
                 "the index is outside of its array: WGSL lets a read return any element or zero, and lets a write change any element or none"
             }
             Self::Wrapped => {
-                "a sum or a product of the index overflows 32 bits, so the index selects a wrong element"
+                "a sum or a product in the index overflows 32 bits, so the index selects a wrong element"
             }
             Self::BelowZero => {
                 "the difference of two unsigned integers is below 0 and wraps around: converted to a float, the result is about 4.29e9"
             }
             Self::Race => {
-                "these two accesses of one element have no defined order: each driver may choose another order"
+                "these two accesses of one element have no defined order: each driver may choose its own order"
             }
             Self::Barrier => {
                 "some invocations don't reach this operation: a barrier needs all invocations of the workgroup, a subgroup \

@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let relay = format!("{} browser --relay {}", program.display(), file.display());
     ensure!(
         relay.split_whitespace().count() == 4 && !relay.contains(';'),
-        "the program `{}` or the file `{}` has a blank or a semicolon in its path: move the file to another folder",
+        "the path of the program `{}` or of the temporary file `{}` has a blank or a semicolon: move karat, or set TMPDIR",
         program.display(),
         file.display()
     );

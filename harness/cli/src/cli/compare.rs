@@ -183,7 +183,7 @@ fn write_one(
     }
     if one.cut > 0 {
         let left = counted(one.cut, "input");
-        writeln!(out, "    {DIM}Karat didn't run {left}, because loops were too long{DIM:#}")?;
+        writeln!(out, "    {DIM}Karat left out {left}, because loops ran too long{DIM:#}")?;
     }
     for Uncovered { place, text, missed } in &one.uncovered {
         let what = match missed {
@@ -256,7 +256,7 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         write!(out, "; no input reaches {lines} that the edit changed")?;
     }
     if cut > 0 {
-        write!(out, "; {} not run, because loops were too long", counted(cut, "input"))?;
+        write!(out, "; {} left out, because loops ran too long", counted(cut, "input"))?;
     }
     writeln!(out)?;
     Ok(())

@@ -152,7 +152,7 @@ fn parts(
     }
     if sum.unmeasured > 0 {
         let lines = counted(sum.unmeasured, "line");
-        parts.push(format!("{lines} not measured, because only frames or drivers ran this code"));
+        parts.push(format!("{lines} not measured: this code ran only in frames or on drivers"));
     }
     if !invalid.is_empty() {
         let invalid: Vec<&str> = invalid.iter().map(String::as_str).collect();

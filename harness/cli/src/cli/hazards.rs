@@ -248,7 +248,7 @@ fn write_text(
     let Unseen { inputs, functions, in_part, of_state } = *unseen;
     if inputs > 0 {
         let of = counted(functions, "function");
-        write!(out, ", {} of {of} not run, because loops were too long", counted(inputs, "input"))?;
+        write!(out, ", {} of {of} left out, because loops ran too long", counted(inputs, "input"))?;
     }
     if !hazards.unreached.is_empty() {
         write!(out, ", no input reaches {}", counted(hazards.unreached.len(), "line"))?;

@@ -124,7 +124,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
     writeln!(
         out,
-        "  karat watch {folder}     runs the tests after each edit: make a function wrong to see a failure"
+        "  karat watch {folder}     runs the tests after each edit: break a function to see a failure"
     )?;
     writeln!(out, "  karat hazards {folder}   lists operations that can go wrong, without a test")?;
     match written {

@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     let Some((_, record)) = found else {
         let Some(name) = args.name.as_deref().filter(|_| !names.is_empty()) else {
-            let none = "no failure of the last run can be replayed: all checks passed, or only checks without cases failed, such as frames";
+            let none = "no failure of the last run can be replayed: all checks passed, or only checks without cases, such as frames, failed";
             return Err(NotThere(none.to_owned()).into());
         };
         let near = nearest(name, known()).map_or_else(list, str::to_owned);
@@ -137,7 +137,7 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
         other => anyhow::bail!("the record's command must run cargo or karat, not `{other}`"),
     };
     for (name, value) in variables {
-        ensure!(name.starts_with("KARAT_"), "the record may set only KARAT_*, but sets `{name}`");
+        ensure!(name.starts_with("KARAT_"), "a replay can set only KARAT_*, not `{name}`");
         command.env(name, value);
     }
     command.current_dir(start(folder, arguments)).args(arguments);

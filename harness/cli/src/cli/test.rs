@@ -98,7 +98,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
         if !args.package.features.is_empty() {
-            let theirs = "`--feature` turns no feature on in Rust tests: a Rust test sets its features by `package.feature(..)`";
+            let theirs = "`--feature` doesn't apply to Rust tests: a Rust test sets its features by `package.feature(..)`";
             writeln!(told, "{KNOWN}{theirs}{KNOWN:#}")?;
         }
         passed = asked.run_cargo(&project, running.folder(), &mut progress, told)?;
@@ -741,7 +741,7 @@ fn write_untested(
         let name = package.name();
         writeln!(
             out,
-            "\n{DIM}{name} isn't valid, so Karat doesn't list its functions without a test{DIM:#}"
+            "\n{DIM}{name} isn't valid, so Karat doesn't list its untested functions{DIM:#}"
         )?;
     }
     Ok(())

@@ -270,7 +270,7 @@ fn write_parting(
         }
         (None, None) => writeln!(
             out,
-            "the shown steps are the same as at {revision}: a later repetition of a step differs"
+            "the shown steps are the same as at {revision}: only a step that isn't shown differs"
         )?,
         (was, is) => {
             let shown = |row: Option<&Row>| {

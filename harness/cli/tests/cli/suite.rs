@@ -139,7 +139,7 @@ fn a_syntax_error_makes_no_function_untested() {
     {
         write(folder.path(), "brdf.wgsl", &broken);
         let ran = cpu(folder.path(), &["--html", "report.html"]);
-        let told = "so Karat doesn't list its functions without a test";
+        let told = "so Karat doesn't list its untested functions";
         assert!(!ran.out.contains(listed) && ran.out.contains(told), "{ran:?}");
     }
 }

@@ -71,7 +71,7 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     let fails = found.iter().any(|(one, _)| one.kind.fails());
     for name in unlike {
         let why = match fails {
-            true => "the problem that is described below may be the reason",
+            true => "the problem below may cause this difference",
             false => "the results may depend on the order of invocations",
         };
         writeln!(out, "{KNOWN}the values of `{name}` differ between the paths: {why}{KNOWN:#}")?;

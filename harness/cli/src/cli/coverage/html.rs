@@ -34,7 +34,7 @@ pub(super) fn page(union: &Union) -> anyhow::Result<String> {
                 p.key {
                     span.run { "runs" } " " span.weak { "runs, but no test checks the value of this line" } " "
                     span.never { "no test runs this line" } " " span.part { "runs, but some branches of this line are never taken" } " "
-                    span.unmeasured { "not measured, because only frames or drivers ran this line" }
+                    span.unmeasured { "not measured: this line ran only in frames or on drivers" }
                 }
                 @for (number, (file, own, text)) in files.iter().enumerate() {
                     h2 id={ "file" (number) } { (shown(file)) }

@@ -171,8 +171,8 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
     if !found.alone {
         writeln!(
             text,
-            "\nIf the kernel runs only this input, both results are equal, so a result depends on the other inputs of \
-             the run. The results above are from a run of all generated inputs, which are the same in each run."
+            "\nThe two columns differ only if the kernel also runs other inputs: for this input alone, their results are \
+             equal. The results above are from a run of all generated inputs, which are the same in each run."
         )?;
         return Ok(());
     }

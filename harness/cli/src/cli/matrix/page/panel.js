@@ -37,7 +37,7 @@ function divergence(found, column, go) {
     element("tbody", {}, pair(`${plain(column.name)} returns`, here), pair(`${plain(found.baseline)} returns`, there)));
   const made = section(found.alone ? "The simplest input found for which the results differ" : "An input for which the results differ", table);
   const { first } = found;
-  if (!found.alone) made.append(element("p", {}, "If the kernel runs only this input, both results are equal, so a result depends on the other inputs of the run."));
+  if (!found.alone) made.append(element("p", {}, "The two columns differ only if the kernel also runs other inputs: for this input alone, their results are equal."));
   else if (first) {
     const [a, b] = apart(first.here, first.there);
     made.append(element("p", {}, first.name === "return" ? "The first value that differs is what " : "The first value that differs is ",
