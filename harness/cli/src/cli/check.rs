@@ -219,7 +219,7 @@ pub(super) fn linked(run: &Path) -> anyhow::Result<Vec<PathBuf>> {
 }
 
 fn unread(run: &Path) -> String {
-    format!("can't read from the record `{}` which packages the tests used", run.display())
+    format!("can't read the tests' packages from the record `{}`", run.display())
 }
 
 /// Returns the packages that the tests of a run used, with the features that these tests set.

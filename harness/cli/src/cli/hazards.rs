@@ -222,7 +222,7 @@ fn write_text(
         write_reasons(skipped, out)?;
     }
     for functions in &hazards.needless {
-        let why = "this hazard isn't a fault, so remove the entry from karat.toml";
+        let why = "only a fault needs an entry, and this hazard isn't a fault: remove the entry";
         writeln!(out, "{DIM}karat.toml accepts a hazard of {functions}: {why}{DIM:#}")?;
     }
     write_drawn(drawn, all, out)?;

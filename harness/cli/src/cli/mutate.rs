@@ -331,7 +331,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
                     let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
                     match *after > 0.0 {
                         true => format!(
-                            "the tolerance of `{test}` hides the mutant: the largest error of this test is {} of its bound with the mutant, and {} without the mutant",
+                            "the tolerance of `{test}` hides the mutant: with the mutant, the largest error of this test is {} of the bound, and without the mutant {}",
                             percent(after),
                             percent(before)
                         ),

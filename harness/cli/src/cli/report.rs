@@ -144,7 +144,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if run.is_none() {
         writeln!(
             out,
-            "only `karat test` and `karat record` note in the record that a run ended: run the tests with one of these commands"
+            "the record shows the end of a run only if `karat test` or `karat record` ran the tests: use one of these commands"
         )?;
     }
     args.output.write(&records, run.as_ref(), &sum, held, &project, out)?;

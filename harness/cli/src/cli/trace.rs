@@ -25,8 +25,8 @@ Examples:
 FRAME is a name: of a `[[frame]]` in a `*.test.toml`, or of a frame in the gallery (`karat render --list`).
 The driver computes the inputs of the pixel's fragment function. Then Karat's engine computes each step of the function
 in f32, in f64, and with the error bounds of WGSL.
-Exit codes: 0 no step differs; 1 the pixel can't be traced, or a step differs; 2 the frame doesn't exist, or no driver
-opens.";
+Exit codes: 0 the pixel is traced, and with --against no step differs; 1 the pixel can't be traced, or a step differs
+from the revision; 2 the frame doesn't exist, or no driver opens.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {

@@ -147,8 +147,8 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
     match filter {
         Some(filter) => bail!(
-            "no check ran: no test's name contains `{filter}`, nor does the name of a function that an \
-             earlier test checked. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
+            "no check ran: no test's name contains `{filter}`, and neither does the name of any function \
+             that an earlier test checked. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
         ),
         None => bail!("no test ran a check. A run that compared nothing isn't a success"),
     }
