@@ -101,7 +101,8 @@ fn a_golden_that_would_not_change_is_not_written() {
     let same = GoldenError::Differs { case, golden, difference, pending, advice };
     let accepted = project.accept(&same, "again", None).expect("nothing speaks against it");
     assert!(
-        !accepted.written && accepted.warnings[0].contains("has the same content and provenance")
+        !accepted.written
+            && accepted.warnings[0].contains("already has the accepted content and provenance")
     );
     assert_eq!(std::fs::read(&golden_file).expect("there"), before);
     // Accepting replaces facts that were edited by hand.
