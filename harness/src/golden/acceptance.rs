@@ -173,7 +173,7 @@ pub enum AcceptError {
     #[error(
         "`{case}` needs no golden for profile {profile}: {}",
         if *missing {
-            "no golden applies to all profiles yet; accept the frame without --profile first"
+            "no golden applies to all profiles yet; first accept the frame without --profile"
         } else {
             "the frame passes with the golden that applies to all profiles"
         }

@@ -233,9 +233,7 @@ fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> Crite
     let measured = match golden {
         Some(golden) => Noise { golden, actual }.measure(pair),
         None => {
-            let note =
-                "the golden doesn't store the variance of its pixels: accept the frame again"
-                    .to_owned();
+            let note = "the golden stores no pixel variance: accept the frame again".to_owned();
             Measured { note: Some(note), ..Measured::of(f64::NAN) }
         }
     };

@@ -80,7 +80,7 @@ impl Turns {
             format!(
                 "{late}: WGSL's atomics are relaxed (15.4, *Memory model*), so other invocations may see the two operations in another \
                  order. A barrier between the two operations orders them for one workgroup. If the second operation runs in a later \
-                 pass, all workgroups see this order. You can also store both values in one atomic"
+                 pass, every workgroup sees the first operation first. You can also store both values in one atomic"
             )
         });
         order.into_iter().chain(relaxed).collect()

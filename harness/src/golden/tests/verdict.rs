@@ -191,7 +191,7 @@ fn profiles_have_goldens_of_their_own() {
     let new = Project::new();
     let failed = new.check("gl", &on_gl, None, None).expect_err("no golden");
     let error = new.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("none for all");
-    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: no golden applies to all profiles yet; accept the frame without --profile first");
+    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: no golden applies to all profiles yet; first accept the frame without --profile");
 }
 
 /// The FLIP bound of tiles is wider if another profile made the golden.
