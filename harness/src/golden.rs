@@ -451,7 +451,7 @@ impl Goldens {
                 let advice = match &pending {
                     None => String::new(),
                     Some(_) if frame.other_waits => {
-                        "which shows the frame of another path: accept or reject that frame, then run the test again"
+                        "a frame of another path: accept or reject that frame, then run the test again"
                             .to_owned()
                     }
                     Some(pending) => self.advice(pending, &difference, &loaded.file),
@@ -483,7 +483,7 @@ impl Goldens {
         let Pending { case, provenance, .. } = pending;
         if provenance.finding.as_ref().is_some_and(|finding| finding.base_passes) {
             return format!(
-                "then delete the profile's own golden `{}` and its `.toml`, and run the test again: the frame passes with the golden for all profiles",
+                "then delete the profile's own golden `{}` and its `.toml`, and run the test again: the frame passes with the golden that applies to all profiles",
                 shown(golden)
             );
         }

@@ -166,7 +166,7 @@ pub enum PathError {
         message: String,
     },
     /// The translation, the driver or Karat's engine panicked.
-    #[error("path `{path}` panics at {subject}: {panicked}")]
+    #[error("path `{path}` panics on {subject}: {panicked}")]
     Panicked {
         /// The path.
         path: Path,

@@ -231,7 +231,7 @@ fn conditions_that_cannot_be_read_are_errors() {
         ("#define_import_path\nfn f() {}\n", "`#define_import_path` needs a path"),
         ("#ifdef A\n#else\n#else\n#endif\nfn f() {}\n", "a second `#else`"),
         ("#ifdef A\n#else\n#else ifdef B\n#endif\nfn f() {}\n", "a second `#else`"),
-        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive must be the first text in its line"),
+        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive must be the first text on its line"),
         ("#if A =< 3\n#endif\nfn f() {}\n", "must compare a feature with a value"),
         ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "can follow an `#else`"),
         ("fn f() -> i32 { return #{N; }\n", "has no value"),

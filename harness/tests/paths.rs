@@ -532,20 +532,20 @@ fn a_path_that_panics_leaves_the_others_their_verdict() {
             for (first, second) in [(fault, Fault::None), (Fault::None, fault)] {
                 let error = run(&two(first, second)).expect_err(verb);
                 let panics = if first == fault { "one" } else { "two" };
-                let told = format!("path `vulkan@{panics}` panics at `");
+                let told = format!("path `vulkan@{panics}` panics on `");
                 assert!(error.contains(&told), "{verb} {fault:?}: {error}");
                 assert!(error.contains("planted (panicked at "), "{verb} {fault:?}: {error}");
                 assert!(error.contains("all results agree"), "{verb} {fault:?}: {error}");
             }
             let error = run(&two(fault, Fault::Values)).expect_err(verb);
-            assert!(error.contains("path `vulkan@one` panics at `"), "{verb} {fault:?}: {error}");
+            assert!(error.contains("path `vulkan@one` panics on `"), "{verb} {fault:?}: {error}");
         }
     }
     // A panic is neither a refusal nor a wrong value.
     for declaration in [Declared::Fails, Declared::Refused] {
         for found in declared(&two(Fault::Panics, Fault::Panics), declaration) {
             let error = found.expect_err("nobody declares a panic");
-            assert!(error.contains("panics at") && !error.contains("bug 1"), "{error}");
+            assert!(error.contains("panics on") && !error.contains("bug 1"), "{error}");
         }
     }
 }

@@ -130,6 +130,6 @@ fn lines_that_are_not_tried_are_counted() {
     let (found, watched) = karat::unstable::compute::violations(&passes).expect("it is valid");
     assert!(found.is_empty(), "{found:?}");
     let expected =
-        "in `main`, 11 lines read outside of an array, and Karat didn't test their effect";
+        "in `main`, 11 lines read outside of an array, and Karat didn't test the effects";
     assert_eq!(watched.reason, expected);
 }

@@ -173,9 +173,9 @@ pub enum AcceptError {
     #[error(
         "`{case}` needs no golden for profile {profile}: {}",
         if *missing {
-            "there is no golden for all profiles yet; accept that golden first"
+            "no golden applies to all profiles yet; first accept the frame without --profile"
         } else {
-            "the frame passes with the golden for all profiles"
+            "the frame passes with the golden that applies to all profiles"
         }
     )]
     Needless {
@@ -293,7 +293,7 @@ impl Goldens {
             // An interrupted acceptance may have written this golden without removing the pending frame. Then the
             // golden may differ from the golden of the comparison.
             let warnings = vec![format!(
-                "the golden `{}` has the same content and provenance already",
+                "the golden `{}` already has the accepted content and provenance",
                 shown(&path)
             )];
             Accepted { golden: path, written: false, warnings }

@@ -46,12 +46,12 @@ impl FrameMargin {
     }
 }
 
-/// `passes by FLIP: the gate is exceeded by 12 pixels, largest FLIP tile 0.004 of 0.01`
+/// `passes by FLIP: the gate is exceeded at 12 pixels, largest FLIP tile 0.004 of 0.01`
 impl fmt::Display for FrameMargin {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let gate = |f: &mut fmt::Formatter<'_>| match self.beyond_gate {
             0 => Ok(()),
-            pixels => write!(f, "the gate is exceeded by {}, ", counted(pixels, "pixel")),
+            pixels => write!(f, "the gate is exceeded at {}, ", counted(pixels, "pixel")),
         };
         match self.decided_by {
             FrameCriterion::Bits => f.write_str("equal")?,
@@ -158,7 +158,7 @@ impl fmt::Display for FrameDifference {
             }
             Self::NonFinite(census) => write!(f, "{}", PairError::NonFinite(*census)),
             Self::GoldenNonFinite(census) => write!(f, "{}", PairError::GoldenNonFinite(*census)),
-            Self::Mask(error) => write!(f, "it can't be compared: {error}"),
+            Self::Mask(error) => write!(f, "the frame can't be compared: {error}"),
             Self::Tolerance(reason) => write!(f, "its tolerance is {reason}"),
             Self::Values(deviation) => write!(f, "{deviation}"),
         }
@@ -233,7 +233,7 @@ fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> Crite
     let measured = match golden {
         Some(golden) => Noise { golden, actual }.measure(pair),
         None => {
-            let note = "the golden has no variance: accept the frame again".to_owned();
+            let note = "the golden stores no pixel variance: accept the frame again".to_owned();
             Measured { note: Some(note), ..Measured::of(f64::NAN) }
         }
     };

@@ -84,10 +84,10 @@ pub struct Provenance {
 #[non_exhaustive]
 pub enum ProvenanceError {
     /// A newer version of Karat wrote the facts.
-    #[error("a newer Karat wrote its metadata (in version {0} of the format, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
+    #[error("the metadata comes from a newer Karat (version {0} of the format, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
     /// The facts can't be parsed, or have control characters.
-    #[error("its metadata can't be read ({0})")]
+    #[error("the metadata can't be read ({0})")]
     Damaged(String),
 }
 

@@ -79,8 +79,8 @@ impl Turns {
         let relaxed = self.late.as_ref().map(|(_, late)| {
             format!(
                 "{late}: WGSL's atomics are relaxed (15.4, *Memory model*), so other invocations may see the two operations in another \
-                 order. A barrier between the two operations orders them for one workgroup. A second pass orders them for \
-                 all workgroups. You can also store both numbers in one atomic"
+                 order. A barrier between the two operations orders them for one workgroup. If the second operation runs in a later \
+                 pass, every workgroup sees the first operation first. You can also store both values in one atomic"
             )
         });
         order.into_iter().chain(relaxed).collect()
@@ -110,7 +110,7 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
             }
             if let (None, Some((other, behind))) = (&all.late, turn.behind.as_ref().and_then(author)) {
                 let late = format!(
-                    "other invocations see `{text}` ({span}) of {who} only after `{behind}` ({other}), which is later in the program"
+                    "{who} runs `{text}` ({span}) before `{behind}` ({other}), but other invocations see the two operations in the opposite order"
                 );
                 all.late = Some((span, late));
             }

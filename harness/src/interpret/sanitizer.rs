@@ -292,9 +292,9 @@ fn run(
         }
         if found.untried > 0 {
             let lines = match found.untried {
-                1 => "1 line reads outside of an array, and Karat didn't test its effect",
+                1 => "1 line reads outside of an array, and Karat didn't test the effect",
                 more => &format!(
-                    "{more} lines read outside of an array, and Karat didn't test their effect"
+                    "{more} lines read outside of an array, and Karat didn't test the effects"
                 ),
             };
             watched.reason = format!("in `{}`, {lines}", pass.name);

@@ -120,7 +120,7 @@ impl<'l> Line<'l> {
     fn called(own: &'l str) -> Result<Option<Self>, String> {
         let wrong = || {
             Err(format!(
-                "after `{CONDITION}`, only an import of `karat`, or `print(x);` or `assert(x);` on the same line is allowed"
+                "only an import of `karat`, `print(x);` or `assert(x);` can follow `{CONDITION}`, on the same line"
             ))
         };
         let Some(rest) = own.strip_prefix(CONDITION).map(str::trim_start) else { return wrong() };

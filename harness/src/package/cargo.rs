@@ -97,7 +97,7 @@ impl Found {
             let near = nearest(&plain, self.known());
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(error(format!(
-                "none of the crates with shaders on which `{}` depends has this name{near}",
+                "`{}` depends on no crate of this name that has shaders{near}",
                 self.krate().name
             )));
         };

@@ -221,7 +221,7 @@ impl Reader<'_> {
                 return Ok(());
             }
             if KNOWN.contains(&word) {
-                return Err(self.error(whole, "a directive must be the first text in its line"));
+                return Err(self.error(whole, "a directive must be the first text on its line"));
             }
             // `naga_oil` also accepts a value without braces.
             if self.features.contains_key(word) || self.is_oil(word, first) {
@@ -296,7 +296,7 @@ impl Reader<'_> {
                 }
                 if self.found.path.is_some() {
                     let message = "a module with `#define_import_path` can't use `#define`: move the \
-                                   `#define` to the module that imports it";
+                                   `#define` to the importing module";
                     return Err(self.error(whole, message));
                 }
             }

@@ -158,7 +158,7 @@ pub enum PackageError {
         if known.is_empty() { String::new() } else { format!("; the package's conditions use {known}") },
         misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` isn't a condition: write `@if` or `@elif`")),
         bare.as_ref().map_or_else(String::new, |name| format!(
-            "\na feature can't replace the name `{name}` of the shader: write the value into karat.toml \
+            "\na feature can't replace the name `{name}` in the shader: write the value into karat.toml \
              beside the modules\n\n[values]\n{name} = 64"
         ))
     )]

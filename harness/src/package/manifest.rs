@@ -379,8 +379,8 @@ impl Manifest {
             let has_root = dependency.path.is_some() && dependency.root.is_some();
             if dependency.path.is_some() == dependency.krate.is_some() || has_root {
                 let reason = format!(
-                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }}. A \
-                     crate may also have `root`"
+                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }}. With \
+                     `crate`, you can also set `root`, the folder of the shaders"
                 );
                 return Err(told(&["dependencies", name], reason));
             }
@@ -478,7 +478,7 @@ impl Manifest {
         match preprocess {
             Some(command) if command.is_empty() => Err(told(
                 &["preprocess"],
-                "`preprocess` is an empty list: write a program in it".to_owned(),
+                "`preprocess` is an empty list: name a program".to_owned(),
             )),
             command => {
                 let read = Some(FileRead::of(file, text.as_bytes()));

@@ -62,7 +62,7 @@ impl Overlay {
             match found.collect::<Vec<_>>().as_slice() {
                 [(_, module)] => {
                     if replaced.insert(module.clone(), folder.join(&file)).is_some() {
-                        return Err(error(format!("has two files for the module of `{name}`")));
+                        return Err(error(format!("has a second file for a module: `{name}`")));
                     }
                 }
                 [] => return Err(error(unknown(&file, packages.values()))),

@@ -357,8 +357,7 @@ impl Device {
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
         let undrawn = || PathError::Route {
             path: self.path,
-            message: "Karat can't draw frames with SPIR-V that another compiler than naga writes"
-                .to_owned(),
+            message: "Karat can't draw frames with SPIR-V that naga didn't write".to_owned(),
         };
         match route::takes_wgpu(self.path) {
             true => route::through_naga(self.path, module),

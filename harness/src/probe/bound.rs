@@ -104,7 +104,7 @@ pub(super) fn bind(
     });
     if immediates.is_some() && pipeline.is_foreign() {
         let message =
-            "Karat can't pass immediates to a shader that another compiler translated".to_owned();
+            "Karat can't pass immediates to a shader that naga didn't translate".to_owned();
         return Err(PathError::Route { path: device.path(), message }.into());
     }
     let own = (first_binding..).zip(own).filter_map(|(binding, buffer)| {

@@ -260,7 +260,7 @@ pub(super) fn of(
             Judged::Rejected(ReflectError::Invalid(diagnostic)) => {
                 if answer.is_ok_and(|answer| !answer.rejects()) {
                     let note =
-                        "Tint accepts this module: it runs in Chrome, but not in wgpu and Firefox";
+                        "Tint accepts this module: Chrome can run it, but wgpu and Firefox can't";
                     diagnostic.notes.push(note.to_owned());
                     opinion.tint_alone.push(module.clone());
                 }

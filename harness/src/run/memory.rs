@@ -16,7 +16,7 @@ use crate::settings::{read_steps, read_words};
 const HEAD: &str = "\
 # Inputs on which checks of this test have failed. The test's next runs try them first, even
 # after they pass. Delete the file if you don't need the inputs any more.
-# A line: function, check, path, arguments as hexadecimal u32s (or -), seed:case:steps # arguments
+# Format of each line: function, check, path, arguments as hexadecimal u32s (- for none), seed:case:steps # arguments
 ";
 
 /// The stored inputs on which one test failed.

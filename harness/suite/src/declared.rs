@@ -729,7 +729,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         && test.integral.is_none()
     {
         return Err(Misdeclared::of("over")(format!(
-            "`{argument}` in `over` does nothing, because the limit sets this argument: remove `{argument}`"
+            "`{argument}` in `over` does nothing, because `limit` sets this argument: remove `{argument}`"
         )));
     }
     all.extend(limit);

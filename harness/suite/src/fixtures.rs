@@ -271,7 +271,7 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
             );
         }
         Some(value) => texel(value)
-            .ok_or("a texture's `value` must be a number or a colour, a list of 3 or 4 numbers")?,
+            .ok_or("a texture's `value` must be a number, or a colour of 3 or 4 numbers")?,
     };
     let (scalar, channels) = match kind.texels {
         Texels::Depth => (Scalar::F32, 1),
@@ -594,7 +594,7 @@ fn spread(
             Some(length) => length,
             None => {
                 return Err(
-                    "the type is a runtime-sized array: write a list, or its `size`".to_owned()
+                    "the type is a runtime-sized array: write a list, or a `size`".to_owned()
                 );
             }
         },

@@ -34,7 +34,7 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
             Ok(all)
         }
         Some(all) if !all.is_empty() => {
-            Err(format!("`{KEY}` must be the only key: the vector always has length 1"))
+            Err(format!("`{KEY}` must be the only key: remove the other keys"))
         }
         _ => Err(format!("`{KEY}` must be the name of a vector, or a list of names")),
     })

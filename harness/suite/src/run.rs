@@ -345,7 +345,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
             return Err(
-                "Karat can't integrate a function with derivatives, because all derivatives are 0 in an integral".into()
+                "Karat can't integrate a function with derivatives (such as `dpdx`), which would all be 0 here".into()
             );
         }
         _ => probed.with_varying(),
@@ -497,7 +497,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let names = |text: &&String| Condition::names(text, argument);
             if let Some(text) = test.filter.as_ref().filter(names) {
                 let wrong = format!(
-                    "the condition `{text}` names `{argument}`, but the limit sets this argument: remove `{argument}` from `where`"
+                    "the condition `{text}` names `{argument}`, but `limit` sets this argument: remove `{argument}` from `where`"
                 );
                 return Err(Misdeclared::of("where")(wrong));
             }
@@ -517,12 +517,10 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         }
         What::Integral(Integral { over, equals: is, at_most, slack, rings }) => {
             if !matches!(shapes.last(), Some(Shape::Vector { size: 3, scalar: Scalar::F32 })) {
-                return Err(
-                    "an integral needs a function with a last parameter of type vec3f".into()
-                );
+                return Err("an integral needs a function whose last parameter is a vec3f".into());
             }
             if *rings == Some(0) {
-                return Err("an integral with 0 rings has no directions: write at least 1".into());
+                return Err("`rings = 0` gives the integral no directions: write at least 1".into());
             }
             let directions = match over {
                 Region::Sphere => Directions::sphere(),
@@ -532,7 +530,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let directions = rings.map_or(directions, |rings| directions.rings(rings));
             let last = parameters.last().map_or("", |(name, _)| name);
             if test.over.contains_key(last) {
-                let wrong = format!("the integral sets `{last}`: remove `{last}` from `over`");
+                let wrong = format!("`integral` sets `{last}`: remove `{last}` from `over`");
                 return Err(Misdeclared::of("over")(wrong));
             }
             let check = settled(probe.over_dynamic(domain(shapes.len() - 1)?), assertion)?;
@@ -763,8 +761,7 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
     match (declared.target, declared.depth) {
         (Some(_), true) => {
             return Err(Misdeclared::of("depth")(
-                "a frame can't compare both `target` and `depth`: remove one of the keys"
-                    .to_owned(),
+                "`target` and `depth` exclude each other: remove one of the keys".to_owned(),
             ));
         }
         (Some(target), false) => frame = frame.target(target),

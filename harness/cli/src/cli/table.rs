@@ -150,7 +150,7 @@ mod tests {
     #[test]
     fn a_narrow_terminal_cuts_what_may_be_cut() {
         let mut table = Table::new(&["frame", "worst", "of bound"], &[2]).cutting(&[1]);
-        let worst = "FAIL the gate is exceeded by 12 pixels, largest FLIP tile 0.02 of 0.01";
+        let worst = "FAIL the gate is exceeded at 12 pixels, largest FLIP tile 0.02 of 0.01";
         table.row(
             PLAIN,
             vec!["a/frame_with_a_long_name".to_owned(), worst.to_owned(), "200%".to_owned()],

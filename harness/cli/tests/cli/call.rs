@@ -443,7 +443,7 @@ fn a_panic_of_one_path_leaves_the_others_their_results() {
         return;
     }
     let panics =
-        "path `gl` panics at `spin::spin` (spin.wgsl:3:1): naga panics as it writes GLSL: ";
+        "path `gl` panics on `spin::spin` (spin.wgsl:3:1): naga panics as it writes GLSL: ";
     let tested = karat(path, &["test", ".", "--paths", "gl,cpu"]);
     assert_eq!(tested.code, Some(1), "{tested:?}");
     for part in [

@@ -109,7 +109,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
     assert!(call(&["--root", "src", "--root", "engine-core=wgsl"]).good().contains(" 12 "));
     for (roots, part) in [
         (&["--root", "engine-core=wgls"][..], "engine-core`: the crate has no folder `"),
-        (&["--root", "engine-cor=wgsl"], "`engine-pbr` depends has this name; did you mean"),
+        (&["--root", "engine-cor=wgsl"], "no crate of this name that has shaders; did you mean"),
         (&["--root", "a", "--root", "b"], "a crate can have only one folder of modules"),
     ] {
         let error = call(roots).error();

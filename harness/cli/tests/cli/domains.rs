@@ -115,7 +115,7 @@ fn wrong_frames_and_domains_are_reported_at_their_place() {
             "function = \"ratio\"\nover = { b = \"0.5..1\" }\nwhere = \"a < b\"\ntolerance = \"abs 1e-3\"\n\
              limit = { a = 0, through = [0.1, 0.01, 0.001], equals = 0 }",
             "f.test.toml:4:1",
-            "names `a`, but the limit sets this argument",
+            "names `a`, but `limit` sets this argument",
         ),
         ("function = \"turn\"\nperpendicular_to = \"u\"", "f.test.toml:3:1", "did you mean `v`?"),
         (

@@ -793,7 +793,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
         ("", "`override` in a test file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
-        ("target = 1\ndepth = true", "a frame can't compare both `target` and `depth`"),
+        ("target = 1\ndepth = true", "`target` and `depth` exclude each other"),
     ] {
         let ran = declare(&[&format!("name = \"a\"\n{more}")]);
         assert!(ran.code == Some(1) && ran.out.contains(part), "no `{part}` in {ran:?}");

@@ -101,7 +101,7 @@ fn output_of_cargo_has_its_own_lines() {
 fn tables_fit_a_narrow_terminal() {
     let line = function("calc::double", "gl", "pass", None).replace(
         "7 ulp | more",
-        "FAIL the gate is exceeded by 12 pixels, largest FLIP tile 0.0010 of 0.01",
+        "FAIL the gate is exceeded at 12 pixels, largest FLIP tile 0.0010 of 0.01",
     );
     let project = scripted("", &[line]);
     let run = [("CARGO", "/bin/sh")];

@@ -59,13 +59,13 @@ fn noise_is_kept_with_the_golden() {
     let without = project.check("vulkan", &ramp(), None, None).expect_err("no golden");
     project.accept(&without, "without variance", None).expect("accepted");
     let failed = check(&noisy(0.1, 0.0), 0.01).expect_err("the golden has no variance");
-    assert!(failed.to_string().contains("the golden has no variance: accept the frame again"));
+    assert!(failed.to_string().contains("stores no pixel variance: accept the frame again"));
     project.accept(&failed, "with variance", None).expect("accepted");
     assert_eq!(project.parts(), ["color", "color.variance"]);
 
     let margin = check(&noisy(-0.1, 0.0), 0.01).expect("nothing but noise");
     assert_eq!((margin.decided_by, margin.beyond_gate), (FrameCriterion::Noise, 64 * 48));
-    assert!(margin.to_string().starts_with("passes by noise: the gate is exceeded by 3072 pixels"));
+    assert!(margin.to_string().starts_with("passes by noise: the gate is exceeded at 3072 pixels"));
     let failed = check(&noisy(-0.1, 0.05), 0.01).expect_err("it is brighter");
     assert!(failed.to_string().contains("noise alone exceeds"), "{failed}");
     check(&noisy(-0.1, 0.0), f32::NAN).expect_err("no variance");
@@ -175,7 +175,7 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     assert!(
         text.ends_with(
             "look at `golden/room/ramp.new.exr`, then delete the profile's own golden \
-             `golden/@gl-llvmpipe/room/ramp.exr` and its `.toml`, and run the test again: the frame passes with the golden for all profiles"
+             `golden/@gl-llvmpipe/room/ramp.exr` and its `.toml`, and run the test again: the frame passes with the golden that applies to all profiles"
         ),
         "{text}"
     );
@@ -213,8 +213,8 @@ fn facts_that_cannot_be_used_are_errors() {
     let project = Project::with_golden();
     let file = project.folder.path().join("room/ramp.exr");
     for (facts, expected) in [
-        (r#"{"schema": 7}"#, "a newer Karat wrote its metadata (in version 7 of the format"),
-        ("{}", "its metadata can't be read (missing field `schema`"),
+        (r#"{"schema": 7}"#, "the metadata comes from a newer Karat (version 7 of the format"),
+        ("{}", "the metadata can't be read (missing field `schema`"),
     ] {
         ramp().write_exr(&file, Precision::Half, Some(facts)).expect("written");
         let error = project.check("vulkan", &ramp(), None, None).expect_err("no facts");

@@ -93,7 +93,7 @@ fn a_passing_frame_names_the_criterion() {
     let edge = with(&[(3, 30)], 1.05);
     let margin = project.check("vulkan", &edge, None, None).expect("FLIP sees next to nothing");
     assert_eq!((margin.decided_by, margin.beyond_gate), (FrameCriterion::Flip, 1));
-    insta::assert_snapshot!(margin, @"passes by FLIP: the gate is exceeded by 1 pixel, largest FLIP tile 0.00101 of 0.01, mean FLIP 8.61e-5 of 0.005");
+    insta::assert_snapshot!(margin, @"passes by FLIP: the gate is exceeded at 1 pixel, largest FLIP tile 0.00101 of 0.01, mean FLIP 8.61e-5 of 0.005");
     let mask = Mask::only(&[Rect::new(0, 24, 64, 24)]);
     let margin = project.check("vulkan", &edge, None, Some(&mask)).expect("it passes");
     assert!(margin.to_string().ends_with("(compared: 50% of the frame)"), "{margin}");
@@ -187,11 +187,11 @@ fn profiles_have_goldens_of_their_own() {
     let error = project.accept(&failed, "why", None).expect_err("it is GL's");
     assert!(matches!(error, AcceptError::Own { .. }), "{error}");
     let error = project.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("not needed");
-    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: the frame passes with the golden for all profiles");
+    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: the frame passes with the golden that applies to all profiles");
     let new = Project::new();
     let failed = new.check("gl", &on_gl, None, None).expect_err("no golden");
     let error = new.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("none for all");
-    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: there is no golden for all profiles yet; accept that golden first");
+    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: no golden applies to all profiles yet; first accept the frame without --profile");
 }
 
 /// The FLIP bound of tiles is wider if another profile made the golden.
