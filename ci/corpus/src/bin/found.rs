@@ -448,9 +448,9 @@ fn is_found(failure: &Failure) -> bool {
 fn all(folder: &Path) -> Result<(), String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("`{}`: {error}", folder.display()))?;
     let mut index = String::from(
-        "# Found\n\nWith ordinary checks, Karat finds these faults in released shaders. Each check fails on the released \
-         crate, and passes after one change of the shader. `cargo ci found` fetches the crates with cargo, runs all \
-         checks, and writes these pages. The pages quote only the few lines of each crate that they discuss.\n\n\
+        "# Found\n\nWith ordinary checks, Karat finds these faults in released shaders. Each check fails on the \
+         released crate, and passes after one change of the shader. `cargo ci found` fetches the crates with cargo, \
+         runs all checks, and writes these pages. The pages quote only the few lines of each crate that they discuss.\n\n\
          | fault | crate | function |\n|---|---|---|\n",
     );
     for found in &FOUND {
