@@ -448,9 +448,9 @@ fn is_found(failure: &Failure) -> bool {
 fn all(folder: &Path) -> Result<(), String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("`{}`: {error}", folder.display()))?;
     let mut index = String::from(
-        "# Found\n\nWith ordinary checks, Karat finds these faults in released shaders. Each check fails on the \
-         released crate, and passes after one change of the shader. `cargo ci found` fetches the crates with cargo, \
-         runs all checks, and writes these pages. The pages quote only the few lines of each crate that they discuss.\n\n\
+        "# Found\n\nKarat's ordinary checks find these faults in released shaders. Each check fails on the released \
+         crate, and passes after one change of the shader. `cargo ci found` fetches the crates with cargo, runs all \
+         checks, and writes these pages. The pages quote only the few lines of each crate that they discuss.\n\n\
          | fault | crate | function |\n|---|---|---|\n",
     );
     for found in &FOUND {
@@ -473,8 +473,7 @@ fn all(folder: &Path) -> Result<(), String> {
               - The only race is the fault storage-barrier in the table above.\n\
               - Three groups of passes use indices outside of arrays: the pass with the fault last-bin (see the table \
               above); boids and particles of the WebGPU samples, because these shaders don't compare the index with \
-              the length; and the histograms of wgpu_sort, because these passes need buffers whose sizes the host has \
-              rounded up.\n\
+              the length; and the histograms of wgpu_sort, because they rely on a host that rounds buffer sizes up.\n\
               - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. If the host turns \
               off zero initialisation, the pass reads arbitrary values.\n";
     index += DISPATCHED;
