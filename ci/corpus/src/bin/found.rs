@@ -172,10 +172,10 @@ const FOUND: [Found; 9] = [
         function: "render::pbr_lighting::ltc_integrate_quad",
         says: "If the view direction equals the normal, a rectangular light gives no light: a floor under an \
                orthographic camera that looks straight down stays black. The function makes its first tangent from the \
-               part of the view that is perpendicular to the normal. If the view equals the normal, this part is 0, \
-               and `normalize` returns NaN. Later the function looks for corners of the light that lie above the \
-               horizon. Every comparison with NaN is false, so the function finds no corner. Any vector perpendicular \
-               to the normal would be a correct tangent.",
+               part of the view direction that is perpendicular to the normal. If the view direction equals the \
+               normal, this part is 0, and `normalize` returns NaN. Later the function looks for corners of the light \
+               that lie above the horizon. `NaN > 0.0` is false, so the function finds no corner. Any vector \
+               perpendicular to the normal would be a correct tangent.",
         check: |package| along_the_normal(package).into(),
         change: [
             "    let T1 = normalize(V - N * dot(V, N));\n",
@@ -448,7 +448,7 @@ fn is_found(failure: &Failure) -> bool {
 fn all(folder: &Path) -> Result<(), String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("`{}`: {error}", folder.display()))?;
     let mut index = String::from(
-        "# Found\n\nOrdinary checks of Karat find these faults in released shaders. Each check fails on the released \
+        "# Found\n\nKarat's ordinary checks find these faults in released shaders. Each check fails on the released \
          crate, and passes after one change of the shader. `cargo ci found` fetches the crates with cargo, runs all \
          checks, and writes these pages. The pages quote only the few lines of each crate that they discuss.\n\n\
          | fault | crate | function |\n|---|---|---|\n",
@@ -473,9 +473,9 @@ fn all(folder: &Path) -> Result<(), String> {
               - The only race is the fault storage-barrier in the table above.\n\
               - Three groups of passes use indices outside of arrays: the pass with the fault last-bin (see the table \
               above); boids and particles of the WebGPU samples, because these shaders don't compare the index with \
-              the length; and the histograms of wgpu_sort, because the host rounds their size up.\n\
-              - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. The memory is zero \
-              only if the host doesn't turn off zero initialisation.\n";
+              the length; and the histograms of wgpu_sort, because they rely on a host that rounds buffer sizes up.\n\
+              - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. If the host turns \
+              off zero initialisation, the pass reads arbitrary values.\n";
     index += DISPATCHED;
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
@@ -485,10 +485,10 @@ fn all(folder: &Path) -> Result<(), String> {
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 
-`karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of the project that contains the pass. Karat checked the 13 passes of blade (commit dd93e63) that naga accepts, four of them with a replacement for ray queries. Karat also checked the 21 shader templates of wonnx (commit c62f5d3), for 137 nodes of neural networks. blade's passes have no fault. These nodes of wonnx have a fault in wonnx's own code:
+`karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of the project that contains the pass. Karat checked the 13 passes of blade (commit dd93e63) that naga accepts, four of them with a replacement for ray queries, and found no fault. Karat also checked the 21 shader templates of wonnx (commit c62f5d3), for 137 nodes of neural networks. The following nodes have a fault in wonnx's own code:
 
-- Softmax of operator sets 11 and 12 has a race. All elements with the same indices before the axis form a chunk. For each chunk wonnx runs several invocations: one for each combination of the indices after the axis. Invocation `y` of a chunk writes as many elements as the chunk has, from the chunk's element `y` on, so several invocations write the same elements.
-- If the matrix sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Then the invocations for two matrices of a stack write the same elements, and use indices outside of the buffers. If the common divisor is 3, a vector has 16 bytes in the shader, but 12 bytes on the host.
+- Softmax of operator sets 11 and 12 has a race. Softmax has the attribute `axis`: all elements with the same indices before this axis form a chunk. For each chunk wonnx runs several invocations: one for each combination of the indices after the axis. Invocation `y` of a chunk writes as many elements as the chunk has, from the chunk's element `y` on, so several invocations write the same elements.
+- If the matrix sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Then the invocations for two matrices of a batch write the same elements, and use indices outside of the buffers. If the common divisor is 3, a vector has 16 bytes in the shader, but 12 bytes on the host.
 - Conv with 3 x 3 weights and without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
 - For more than 65,535 elements, wonnx uses workgroups of two invocations. If the number of elements is odd, the last invocation of Relu, Add and other nodes uses an index outside of the array, because no template compares the index with the length.
 - Resize to given sizes rounds its scale factor to two digits: a resize from 300 to 400 texels reads beyond the row.
