@@ -131,7 +131,7 @@ impl Lane {
         })
     }
 
-    /// Checks if a test belongs to this lane.
+    /// Checks if a test is one of these tests.
     pub(super) fn has(&self, test: &str) -> bool {
         self.resident.tests.contains(test)
     }

@@ -1,4 +1,5 @@
-//! The diagnostics that the editor shows: invalid modules, and failures of the text that the author sees.
+//! The diagnostics that the editor shows: errors in modules, and failing tests. A failure is hidden after an edit of
+//! the tested shader.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
