@@ -272,7 +272,7 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
     Ok((rank, text))
 }
 
-/// Returns the entry points of a package whose stage passes the filter `of`.
+/// Returns the entry points in a package. The filter `of` chooses the stages.
 fn entry_points(
     package: &Package,
     of: impl Fn(Stage) -> bool,

@@ -32,8 +32,8 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// If an invalid module has more functions than this number, Karat doesn't read them one by one. Each function takes a
-/// few milliseconds.
+/// The largest number of functions that Karat reads one by one in an invalid module. Each function takes a few
+/// milliseconds.
 const MOST_ALONE: usize = 200;
 
 #[derive(Serialize)]

@@ -139,7 +139,7 @@ pub(super) struct Project {
 }
 
 /// Returns the displayed name of a package. If another package has the same name, returns the path of the package's
-/// folder. Names are often equal, because many crates have a folder `shaders`.
+/// folder. For example, many crates have a package called `shaders`.
 pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Package>) -> String {
     let name = package.name();
     match all.into_iter().filter(|other| other.name() == name).count() {

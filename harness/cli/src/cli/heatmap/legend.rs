@@ -13,8 +13,8 @@ const TICK: u32 = 3;
 /// The width and height of a glyph's dot, in units. A glyph is only 3 dots wide and 5 dots high, so dots of one unit
 /// would be too small to read.
 const DOT: u32 = 2;
-/// A unit has one pixel for each 960 pixels of the image's width. People view wide images scaled down, so a wide image
-/// needs a larger legend.
+/// The image width for which a unit is one pixel wide. In an image that is twice as wide, a unit is 2 pixels wide.
+/// People view wide images scaled down, so a wide image needs a larger legend.
 const UNIT: u32 = 960;
 /// The smallest width, in units, of a bar with room for the numbers of [`PARTS`] parts.
 const WIDE: u32 = 300;

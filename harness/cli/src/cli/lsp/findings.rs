@@ -29,8 +29,7 @@ fn error(range: Range, message: String) -> Diagnostic {
     }
 }
 
-/// Adds the errors of invalid modules. If an error has no location in a file, the function can't add the error, and
-/// returns its message.
+/// Adds the errors of invalid modules. Returns the messages of the errors that have no location in a file.
 pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<String> {
     let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
     let mut placeless = Vec::new();

@@ -131,7 +131,6 @@ impl Lane {
         })
     }
 
-    /// Checks if a test is one of these tests.
     pub(super) fn has(&self, test: &str) -> bool {
         self.resident.tests.contains(test)
     }

@@ -1,5 +1,5 @@
-//! The diagnostics that the editor shows: errors in modules, and failing tests. A failure is hidden after an edit of
-//! the tested shader.
+//! The diagnostics that the editor shows: errors in modules, and failing tests. After an edit of a file that a test
+//! read, the failures of this test are hidden.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};

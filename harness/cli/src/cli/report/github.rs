@@ -100,8 +100,8 @@ fn append_summary(text: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Resu
         .with_context(|| format!("can't append to the summary `{shown}`"))
 }
 
-/// Returns a line for each annotation. If there are too many failures for GitHub, the last annotation of a failure
-/// gives the number of the remaining failures.
+/// Returns a line for each annotation. If there are more failures than GitHub's runner annotates, one annotation lists
+/// the remaining failures.
 fn annotations(
     failures: &[&Record],
     (sum, errors): (&Sum, &[ModuleError]),

@@ -57,8 +57,9 @@ pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::
     report.to_string().context("the report isn't XML")
 }
 
-/// The class names and names of the JUnit cases so far. A case whose name is taken gets a number: `name #2`. A test may
-/// check a function several times, and programs that read the file show only the first case of a name.
+/// The class and the name of each JUnit case so far. If the name of the next case is already taken, Karat adds a
+/// number: `name #2`. A test may check a function several times, and programs that read the file show only the first
+/// case of a name.
 #[derive(Default)]
 struct Unique(BTreeSet<(String, String)>);
 

@@ -14,7 +14,7 @@ const FIELDS: usize = 12;
 /// The number of groups into which Karat splits the cases, to find the variance that an argument explains.
 const PARTS: usize = 8;
 
-/// A map needs two arguments that each explain more than this share of the errors' variance.
+/// The share of the errors' variance that an argument must explain to appear in the map of two arguments.
 const MATTERS: f64 = 0.1;
 
 /// The placeholder for the text colour. The page replaces it.
