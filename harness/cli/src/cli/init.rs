@@ -191,8 +191,9 @@ fn this() -> anyhow::Result<Command> {
     Ok(Command::new(std::env::current_exe().context("can't find karat's executable file")?))
 }
 
-/// Writes a first test beside a module: of a function, preferably with arguments and a float in its result, or
-/// otherwise of a compute pass. Returns `None` if the folder already has tests, or if Rust tests check all functions.
+/// Writes a first test beside a module. The test calls a function, preferably one that has arguments and returns
+/// floats. If no function can be tested, the test runs a compute pass. Returns `None` if the folder already has tests,
+/// or if Rust tests check all functions.
 fn first_test(
     package: &Package,
     folder: &Path,
@@ -271,7 +272,7 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
     Ok((rank, text))
 }
 
-/// Returns a package's entry points for whose stages `of` returns `true`.
+/// Returns the entry points in a package. The filter `of` chooses the stages.
 fn entry_points(
     package: &Package,
     of: impl Fn(Stage) -> bool,
@@ -289,7 +290,7 @@ fn beside(item: &FunctionItem, folder: &Path) -> PathBuf {
     PathBuf::from(format!("{}.test.toml", beside.display()))
 }
 
-/// The functions and passes for which Karat can't write a first test, by the reason.
+/// The functions and passes for which Karat can't write a first test, grouped by reason.
 #[derive(Default)]
 struct Why<'i> {
     bound: Vec<&'i str>,
@@ -325,8 +326,8 @@ impl Why<'_> {
     }
 }
 
-/// The functions with Rust tests: a test checked the function in the last run, or a Rust file in `tests` contains the
-/// function's name.
+/// The functions that Rust tests check. A function counts if a test checked it in the last run, or if a Rust file in
+/// `tests` contains its name in quotes.
 struct Tested {
     ran: BTreeSet<String>,
     texts: Vec<String>,

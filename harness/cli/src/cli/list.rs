@@ -32,7 +32,8 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// The largest number of functions of an invalid module that Karat reads one by one. Each takes some milliseconds.
+/// The largest number of functions that Karat reads one by one in an invalid module. Each function takes a few
+/// milliseconds.
 const MOST_ALONE: usize = 200;
 
 #[derive(Serialize)]
@@ -268,8 +269,8 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     }
 }
 
-/// Returns all functions with tests: functions that a test checks, calls or draws with, and entry points of earlier
-/// passes.
+/// Returns all functions with tests: the functions that a test checks, calls or draws with, and the entry points of all
+/// passes that a test runs.
 fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     let suite = Suite::of(package.clone()).ok();
     let tests = || suite.iter().flat_map(|suite| &suite.tests);
@@ -289,7 +290,8 @@ fn last_selection(project: &Project) -> anyhow::Result<Option<String>> {
     Ok(run.map(|run| run.selected.join(" ")).filter(|selected| !selected.is_empty()))
 }
 
-/// Returns the functions that the last run checked, and the tests that drew frames: none if there was no run.
+/// Returns the functions that the last run checked, and the names of the tests that drew frames. Returns an empty set
+/// if there was no run.
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };

@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Writes a package that depends only on karat, with the versions of the project.
+/// Writes a package that depends only on karat, and copies the project's `Cargo.lock` into it.
 fn write_package(folder: &Path, karat: &Path, workspace: &Path) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder.join("src"))?;
     let manifest = format!(

@@ -27,7 +27,7 @@ Exit codes: 0 the image matches; 1 the image differs or has no golden; 2 the ima
 pub(super) struct Args {
     /// The name of the golden
     name: String,
-    /// The image to compare: EXR, or PNG, which is made linear
+    /// The image to compare: an EXR, or a PNG, which Karat converts to linear values
     image: PathBuf,
     /// Stores the name of the program that drew the image
     #[arg(long, value_name = "PROGRAM", default_value = "another program")]

@@ -49,7 +49,7 @@ pub(super) struct Args {
     /// Tries only mutants of lines that changed since your branch left this revision of git, such as `main`
     #[arg(long, value_name = "REVISION")]
     in_diff: Option<String>,
-    /// Fails if the score is below this number of per cent [default: 100]
+    /// Fails if the score is below this percentage [default: 100]
     #[arg(long, value_name = "PERCENT", value_parser = super::percent)]
     fail_under: Option<f64>,
     /// Runs the tests on this path

@@ -1,4 +1,4 @@
-//! Messages about work that takes long.
+//! Messages about slow work.
 
 use std::io::IsTerminal;
 use std::sync::mpsc::{self, RecvTimeoutError};

@@ -36,7 +36,7 @@ struct Settings {
 }
 
 impl Settings {
-    /// Reads the settings of a manifest, for its workspace and for its package.
+    /// Reads the tables `workspace.metadata.karat` and `package.metadata.karat` of a manifest.
     fn of(folder: &Path, manifest: &toml::Table) -> anyhow::Result<Vec<(PathBuf, Self)>> {
         let said = ["workspace", "package"]
             .iter()
@@ -139,7 +139,7 @@ pub(super) struct Project {
 }
 
 /// Returns the displayed name of a package. If another package has the same name, returns the path of the package's
-/// folder: for example, each crate may have a folder `shaders`.
+/// folder. For example, many crates have a package called `shaders`.
 pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Package>) -> String {
     let name = package.name();
     match all.into_iter().filter(|other| other.name() == name).count() {

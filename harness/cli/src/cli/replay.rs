@@ -25,8 +25,7 @@ pub(super) struct Args {
 const LENGTH: usize = 4;
 
 /// Returns the names of a run's failures. A name is the beginning of a hash of the check, so a failure has the same
-/// name in each run. All names have the same length: the smallest length, from [`LENGTH`] on, for which they are
-/// distinct.
+/// name in each run. All names have the same length, at least [`LENGTH`], and are just long enough to be distinct.
 pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let failed = records.iter().filter(|record| is_failure(record) && command(record).is_some());
     let called = Names::of(records);

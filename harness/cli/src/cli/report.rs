@@ -39,7 +39,7 @@ use super::list::callable;
 use super::project::Project;
 use super::{NotThere, Outcome, spare};
 
-/// The options for reports besides the tables.
+/// The options for all reports except the printed tables.
 #[derive(clap::Args)]
 pub(super) struct OutputArgs {
     /// Writes JUnit XML to this file
@@ -462,8 +462,8 @@ pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Optio
     Some(Place { file: relative(&file, workspace), ..place })
 }
 
-/// Finds a location like [`located`], but among the files that a record depends on. The record may come from a project
-/// in another folder.
+/// Resolves `file:line:column` if the file is one that a record depends on. The record may come from a project in
+/// another folder.
 fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     let file = Path::new(location.rsplitn(3, ':').nth(2)?);
     let read = record.read.iter().map(|read| &read.file).find(|read| read.ends_with(file))?;

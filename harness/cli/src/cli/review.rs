@@ -129,8 +129,8 @@ impl Told {
         }
     }
 
-    /// Returns the option `--size` for a frame of the gallery. A frame in a `*.test.toml` sets its own size, so returns
-    /// no option for this frame.
+    /// Returns the option `--size` for a frame of the gallery. Returns no option for a frame in a `*.test.toml`,
+    /// because that file sets the size.
     fn size(frame: &str, (width, height): (u32, u32)) -> Result<Vec<String>, String> {
         let failed = |error: anyhow::Error| format!("{error:#}");
         let project = Project::find().map_err(failed)?;

@@ -165,8 +165,8 @@ impl Project {
         self.used_by(&last.map(|last| last.records).unwrap_or_default(), &[])
     }
 
-    /// Returns the folders and files of the project that earlier runs used, and those that this run recorded and
-    /// linked.
+    /// Returns the project's folders and files of shaders that tests used: in earlier runs, or according to `records`
+    /// and `linked`.
     pub(super) fn used_by(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
         let mut used = Subjects::read(&self.record()).packages().clone();
         used.extend(self.used_in(records, linked));
@@ -201,8 +201,8 @@ fn is_empty(package: &Package) -> bool {
         && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }
 
-/// Returns the folder of the package that the user means by a folder without Cargo. This is the subfolder `shaders`, if
-/// `shaders` has a karat.toml and all modules. Otherwise it is the folder itself.
+/// Returns the folder of the package that Karat tests if the user names `folder`. If the subfolder `shaders` has a
+/// karat.toml and all modules, this is `shaders`. Otherwise, it is `folder` itself.
 pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     let shaders = folder.join(SHADERS);
     let declares = |folder: &Path| folder.join(MANIFEST).is_file();

@@ -337,7 +337,8 @@ impl<'a> Asked<'a> {
         Self { about: Subjects::read(&project.record()).about(filter), ..self }
     }
 
-    /// If the filter may be the name of a function, prints that it finds new Rust tests only by their own names.
+    /// If the filter may be the name of a function, prints a note: the filter finds a new Rust test only by the test's
+    /// name.
     fn write_unknown(
         &self,
         project: &Project,

@@ -10,16 +10,16 @@ const INK: [u8; 3] = [230, 230, 230];
 const MARGIN: u32 = 4;
 const BAR: u32 = 8;
 const TICK: u32 = 3;
-/// The width and height of a glyph's dot, in units. A glyph has 3 by 5 dots, and would be hard to read with dots of one
-/// unit.
+/// The width and height of a glyph's dot, in units. A glyph is only 3 dots wide and 5 dots high, so dots of one unit
+/// would be too small to read.
 const DOT: u32 = 2;
-/// The image width per pixel of a unit: in an image 1,920 pixels wide, a unit has 2 pixels. People view wide images
-/// scaled down, so a wide image needs a larger legend.
+/// The image width for which a unit is one pixel wide. In an image that is twice as wide, a unit is 2 pixels wide.
+/// People view wide images scaled down, so a wide image needs a larger legend.
 const UNIT: u32 = 960;
 /// The smallest width, in units, of a bar with room for the numbers of [`PARTS`] parts.
 const WIDE: u32 = 300;
-/// The number of equal parts between the numbers below a wide bar. The last number begins with the digit 1, 2 or 5, and
-/// a fifth of such a number has few digits.
+/// The number of equal parts into which the ticks divide a wide bar. The scale ends at a number such as 0.1, 0.2 or
+/// 0.5, and a fifth of such a number is short.
 const PARTS: u32 = 5;
 /// The smallest width of a bar, in units.
 const SHORT: u32 = 60;
@@ -34,12 +34,13 @@ pub(super) struct Legend {
     left: u32,
     /// The width of the bar in pixels.
     bar: u32,
-    /// The numbers below the bar, at equal distances, from 0 to the error that has the last colour.
+    /// The numbers below the bar, at equal distances. The first is 0, and the last is the error at the right end of the
+    /// bar.
     numbers: Vec<String>,
 }
 
 impl Legend {
-    /// Makes the legend for an image of this width. `full` is the error that has the last colour.
+    /// Makes the legend for an image of this width. `full` is the error at the right end of the bar.
     pub(super) fn of(width: u32, full: f32) -> Self {
         let unit = (width / UNIT).max(1);
         // The count of numbers isn't known yet, so the width of the widest possible number is used.

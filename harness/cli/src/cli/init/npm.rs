@@ -1,4 +1,5 @@
-//! Changes to a project for the web: a script in `package.json`, and a setting in `karat.toml` that requires Tint.
+//! The files that `karat init` changes in a web project. `package.json` gets a script, and `karat.toml` gets a setting
+//! that requires Tint.
 
 use std::io::Write;
 use std::path::Path;
@@ -74,7 +75,8 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
 }
 
 /// Returns the file's text with one more member of `scripts`, in the author's layout. Returns `None` if the layout
-/// isn't clear. The search for `scripts` is a guess, so the caller parses the new text and checks it.
+/// isn't clear. The function doesn't parse the file, and may find the wrong `scripts`, so the caller parses the new
+/// text and checks it.
 fn inserted(text: &str, member: &str) -> Option<String> {
     let scripts = text.find("\"scripts\"");
     let open = match scripts {
@@ -97,8 +99,8 @@ fn inserted(text: &str, member: &str) -> Option<String> {
     Some(format!("{}{before}{own}{comma}{after}{rest}", &text[..=open]))
 }
 
-/// Writes a setting for web projects that requires Tint to accept the shaders, too: Firefox uses naga, but Chrome and
-/// Edge use Tint.
+/// Writes a setting into `karat.toml`, after which a shader is valid only if Tint accepts it, too. Firefox uses naga,
+/// but Chrome and Edge use Tint.
 fn ask_for_tint(
     folder: &Path,
     (whole, manifest): (&Path, &Path),

@@ -29,7 +29,7 @@ fn error(range: Range, message: String) -> Diagnostic {
     }
 }
 
-/// Adds the errors of invalid modules. Returns the errors without a location in a file, as messages.
+/// Adds the errors of invalid modules. Returns the messages of the errors that have no location in a file.
 pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<String> {
     let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
     let mut placeless = Vec::new();
@@ -44,8 +44,8 @@ pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<Stri
     placeless
 }
 
-/// Adds the remarks of an opinion as warnings. If `karat.toml` turns a remark into an error, `findings` already has the
-/// error, and gets no warning.
+/// Adds the remarks of other compilers, such as Tint, as warnings. If `karat.toml` turns a remark into an error,
+/// `findings` already has the error, and gets no warning.
 pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
     for (file, mut diagnostic) in opinion.remarks().into_iter().filter_map(placed) {
         let own = findings.get(&file).map_or(&[][..], Vec::as_slice);
@@ -113,7 +113,7 @@ pub(super) fn of_records(
     }
 }
 
-/// Adds a finding that has a location. Lenses count the other failures, too.
+/// Adds a finding, or does nothing if the finding has no location.
 pub(super) fn add(
     finding: Finding,
     name: Option<String>,

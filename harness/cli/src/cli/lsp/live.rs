@@ -131,7 +131,6 @@ impl Lane {
         })
     }
 
-    /// Checks if a test belongs to this lane.
     pub(super) fn has(&self, test: &str) -> bool {
         self.resident.tests.contains(test)
     }

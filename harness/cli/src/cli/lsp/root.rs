@@ -108,7 +108,7 @@ impl Root {
         Ok(true)
     }
 
-    /// Returns the errors of all modules, with the unsaved texts in the editor, and the remarks of other compilers.
+    /// Validates all modules, including unsaved edits. Returns the errors, and the remarks of other compilers.
     pub(super) fn invalid(&self, documents: &Documents) -> (Vec<Invalid>, Opinion) {
         let uses: Vec<Package> = self.uses.iter().map(|used| documents.applied(used)).collect();
         let (mut all, mut opinion) = (Vec::new(), Opinion::default());

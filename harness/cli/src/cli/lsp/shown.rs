@@ -1,4 +1,5 @@
-//! The diagnostics that the editor shows: invalid modules, and failures of the text that the author sees.
+//! The diagnostics that the editor shows: errors in modules, and failing tests. After an edit of a file that a test
+//! read, the failures of this test are hidden.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};

@@ -93,7 +93,7 @@ pub(super) struct Client {
     out: Box<dyn Write + Send>,
     /// `true` after the editor has stopped reading.
     pub(super) gone: bool,
-    /// The messages that the server shows to the user only once, and has already shown.
+    /// The messages that the user has already seen, and that the server doesn't show again.
     said: BTreeSet<String>,
     requests: u64,
     /// `true` if the editor can show progress.
@@ -131,7 +131,8 @@ impl Client {
         self.write(&json!({ "jsonrpc": "2.0", "method": N::METHOD, "params": parameters }));
     }
 
-    /// Does the work of [`notify`](Self::notify) with untyped parameters, because a progress token may have any type.
+    /// Sends a notification whose parameters are JSON. For notifications with a Rust type, use
+    /// [`notify`](Self::notify).
     pub(super) fn notify_value(&mut self, method: &str, parameters: &Value) {
         self.write(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }

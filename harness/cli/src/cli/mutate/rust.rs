@@ -21,7 +21,8 @@ use super::super::suite::cargo::programs::{Programs, TestProgram};
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The time of a test's checks above which the test is slow. A test program starts in some hundredths of a second.
+/// The longest time that the checks of a fast test take. The start of a test program takes only a few hundredths of a
+/// second.
 const QUICK: Duration = Duration::from_millis(200);
 
 pub(super) struct RustTests {

@@ -9,8 +9,8 @@ use karat::unstable::image::write_whole;
 use karat_mutate::{Candidate, Fate, Tried};
 use serde_json::{Value, json};
 
-/// Two scores in per cent. Viewers call a score high from the first number up, and low below the second number. The
-/// numbers are Stryker's defaults.
+/// The thresholds in the report, in per cent. Viewers call a score of at least 80 high, and a score below 60 low. Both
+/// thresholds are Stryker's defaults.
 const THRESHOLDS: [u32; 2] = [80, 60];
 
 pub(super) fn write<'h>(all: impl Iterator<Item = &'h Tried>, path: &Path) -> anyhow::Result<()> {

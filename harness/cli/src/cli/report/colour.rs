@@ -2,7 +2,7 @@
 
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 
-/// Returns the message with colours. If colours are off, the output removes them.
+/// Adds colours to a message. If colours are off, standard output and standard error remove them later.
 pub(in crate::cli) fn painted(message: &str) -> String {
     message.lines().map(line).collect::<Vec<_>>().join("\n")
 }

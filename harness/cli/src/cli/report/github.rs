@@ -100,7 +100,8 @@ fn append_summary(text: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Resu
         .with_context(|| format!("can't append to the summary `{shown}`"))
 }
 
-/// Returns a line for each annotation. If there are too many failures, one line counts the failures without a line.
+/// Returns a line for each annotation. If there are more failures than GitHub's runner annotates, one annotation lists
+/// the remaining failures.
 fn annotations(
     failures: &[&Record],
     (sum, errors): (&Sum, &[ModuleError]),

@@ -227,7 +227,8 @@ fn nth(at: usize) -> String {
     }
 }
 
-/// Returns the table cell of a path: its worst error, the share of the bound, and the distribution of errors.
+/// Returns the table cell of a path. The cell shows the worst error, its share of the tolerance, and a chart of all
+/// errors.
 fn cell(path: &PathRecord) -> Markup {
     let class = match (&path.known_issue, path.failures == 0 && path.cases > 0) {
         (None, true) => "pass",

@@ -57,8 +57,9 @@ pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::
     report.to_string().context("the report isn't XML")
 }
 
-/// The names of the JUnit cases so far, which make the names in each class distinct. A test may check a function
-/// several times, and programs that read the file show only the first case of a name.
+/// The class and the name of each JUnit case so far. If the name of the next case is already taken, Karat adds a
+/// number: `name #2`. A test may check a function several times, and programs that read the file show only the first
+/// case of a name.
 #[derive(Default)]
 struct Unique(BTreeSet<(String, String)>);
 
@@ -126,7 +127,7 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
     Ok(paths.into_iter().map(of).collect())
 }
 
-/// Returns the name of the test, after its Cargo package if it has one.
+/// Returns the name of the test. In a Cargo package, the package comes first: `package::test`.
 fn classname(record: &Record) -> String {
     match record.cargo_package.as_str() {
         "" => record.test.clone(),

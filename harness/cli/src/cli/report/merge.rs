@@ -8,9 +8,9 @@ use std::path::PathBuf;
 use karat::unstable::output::counted;
 use karat::unstable::record::{Record, Recorded, Run, SCHEMA, Verdict};
 
-/// Merges the verdicts of parts. The order of the result doesn't depend on the order of the parts. If a check ran in
-/// several parts, the check gets the worst of its verdicts. The merged run has ended if all parts have ended, and has
-/// passed if all parts have passed.
+/// Merges the verdicts of the parts of a run. The order of the result doesn't depend on the order of the parts. If a
+/// check ran in several parts, the check gets the worst of its verdicts. The merged run has ended if all parts have
+/// ended, and has passed if all parts have passed.
 pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     let folders: Vec<String> = parts.iter().map(|part| part.folder.display().to_string()).collect();
     let run = parts.iter().map(|part| part.run.clone()).collect::<Option<Vec<Run>>>();

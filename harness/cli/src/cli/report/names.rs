@@ -35,7 +35,8 @@ impl Home {
 }
 
 /// Returns a distinct name for each folder that has a frame of this name, such as `lamp::dusk`. If two folders belong
-/// to one crate, the names contain the folders in place of the crates. The map is empty if there is only one folder.
+/// to one crate, the names contain the folders in place of the crates. If there is only one folder, returns an empty
+/// map, because the frame's own name is enough.
 pub(in crate::cli) fn told_apart(
     case: &str,
     homes: &BTreeMap<PathBuf, Home>,

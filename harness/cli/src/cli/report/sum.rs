@@ -1,8 +1,8 @@
 //!
 //! The last line of a run: the sum of its verdicts.
 //!
-//! The line, its colour and the exit code come from the same count, so they can't contradict each other: only a good
-//! line has "0 failed".
+//! The line, its colour and the exit code come from the same count, so they can't contradict each other: the line says
+//! "0 failed" only if the run passed.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -36,7 +36,8 @@ fn first(names: &[String]) -> String {
 }
 
 /// Returns a remark with the number of checks that the sanitizer didn't examine completely. These are checks of compute
-/// passes, and of draws that write storage. The remark has the first reason; the records have the other reasons.
+/// passes, and of draws that write storage. The remark says why the first of these checks wasn't examined completely.
+/// For the other checks, see the records.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let reasons =
@@ -177,7 +178,7 @@ impl Sum {
         all
     }
 
-    /// Returns the line without the number of compared cases and without the remarks.
+    /// Returns the last line of the run, without the number of compared cases and without the remarks.
     pub(in crate::cli) fn line(&self) -> String {
         let Self { checks, failed, known, .. } = *self;
         let mut parts = self.reasons();
@@ -195,12 +196,12 @@ impl Sum {
         parts.join("; ")
     }
 
-    /// Returns the remarks that follow the line. A remark doesn't make the run fail.
+    /// Returns the remarks at the end of the run's last line. A remark doesn't make the run fail.
     pub(in crate::cli) fn remarks(&self) -> String {
         self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
     }
 
-    /// Writes the line, the number of compared cases and the remarks.
+    /// Writes the last line of the run, with the number of compared cases and the remarks.
     pub(in crate::cli) fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let (style, line, remarks) = (self.style(), self.line(), self.remarks());
         let cases = match self.checks {

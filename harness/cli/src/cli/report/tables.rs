@@ -11,7 +11,8 @@ use super::{Names, Sum};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 use crate::cli::{replay, terminal};
 
-/// The number of lines on a screen that the rows of a table can't use: the head, the sum, replays, a prompt.
+/// The number of lines on a screen that aren't rows of the table: the table's head, the last line of the run, the
+/// replay commands and the shell's prompt.
 const AROUND: usize = 8;
 
 /// Writes the functions, then the frames, and returns the number of failed checks. If the passing checks don't fit on a

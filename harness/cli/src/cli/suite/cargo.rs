@@ -103,8 +103,8 @@ struct Tests {
     written: Written,
 }
 
-/// The largest difference between the time of a write and the time of the written file: two ticks of a kernel with 100
-/// ticks per second. The kernel rounds file times to ticks, but the clock of programs is finer.
+/// The largest difference between the time of a write and the time of the written file. Linux rounds file times down to
+/// timer ticks of up to 10 ms, but the clock of programs is finer.
 const TICK: Duration = Duration::from_millis(20);
 
 /// The files that tests write while they run. These files cause no new run. If a file changes during one run, its
@@ -117,7 +117,7 @@ struct Written {
 }
 
 impl Written {
-    /// Checks if the tests changed a file at this time, and not an author.
+    /// Checks if a change of a file at this time came from the tests, and not from an author.
     fn has(&mut self, file: &Path, changed: Option<SystemTime>) -> bool {
         let ran = self.ran.as_ref();
         match ran.zip(changed).is_some_and(|(ran, changed)| ran.contains(&changed)) {

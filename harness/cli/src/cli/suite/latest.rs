@@ -68,9 +68,9 @@ impl Latest {
         files
     }
 
-    /// Updates the records of a test that an edit doesn't affect, so that they belong to the present files. Returns
-    /// `false` if the test failed: the failure can't be kept, because an edit elsewhere in the file may move the
-    /// failing line.
+    /// Keeps the records of a test that an edit doesn't affect, and updates the state of the files in these records.
+    /// Returns `false` if the test failed: the failure can't be kept, because an edit elsewhere in the file may move
+    /// the failing line.
     pub(super) fn renew(&mut self, test: &str, files: &HashMap<PathBuf, FileRead>) -> bool {
         let Some(records) = self.0.get_mut(test) else { return true };
         let changed = |read: &FileRead| files.get(&read.file).is_some_and(|now| now != read);

@@ -170,7 +170,8 @@ impl Whole {
         self.found.stated || !suite.tests.is_empty() || is_used()
     }
 
-    /// Returns the errors of invalid modules that aren't in `told`, and the remarks of compilers other than naga.
+    /// Returns the errors in modules, without the errors in `told`. Also returns the remarks of compilers other than
+    /// naga.
     fn validity(
         &self,
         found: Result<Validated, Invalid>,

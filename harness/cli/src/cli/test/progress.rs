@@ -5,9 +5,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// The progress of a run. The bar needs the number of all tests. Karat knows this number if this run is complete, and
-/// an earlier run was complete, too. Each test program prints its own number only when it starts, so a bar that used
-/// the sum of these numbers would jump backwards.
+/// The progress of a run. The bar needs the number of all tests. If this run includes all tests, Karat knows their
+/// number from an earlier run of all tests. Each test program prints its own number only when it starts, so a bar that
+/// used the sum of these numbers would jump backwards.
 pub(super) struct Progress {
     line: Line,
     done: u64,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use karat::unstable::record::{Record, Subject};
 use serde::{Deserialize, Serialize};
 
-/// The functions and goldens that each test checked in its last run. A missing or unreadable file counts as empty.
+/// The functions and goldens that each test checked in its last run, as stored in `subjects.json`.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,

@@ -52,7 +52,7 @@ impl Resident {
         Ok(true)
     }
 
-    /// Updates this state after a message of the process.
+    /// Handles a message from the process.
     pub(in crate::cli) fn hear(&mut self, said: &Said) {
         match said {
             Said::Test { name, wrong: Some(wrong) } => {

@@ -7,13 +7,14 @@ use plotters::prelude::*;
 /// The largest number of arguments with a plot. Arguments with more influence come first.
 const MOST: usize = 6;
 
-/// The number of fields along each side of a map. A plot has up to about 500 cases, so a field has 3 or 4.
+/// The number of fields along each side of a map. A plot has up to about 500 cases, so a field has 3 or 4 cases on
+/// average.
 const FIELDS: usize = 12;
 
 /// The number of groups into which Karat splits the cases, to find the variance that an argument explains.
 const PARTS: usize = 8;
 
-/// The share of the errors' variance that each of two arguments must exceed to get a map.
+/// The share of the errors' variance that an argument must explain to appear in the map of two arguments.
 const MATTERS: f64 = 0.1;
 
 /// The placeholder for the text colour. The page replaces it.
@@ -26,7 +27,8 @@ const GOOD: RGBColor = RGBColor(64, 120, 190);
 const LEAST: f64 = 1e-3;
 const TOP: f64 = 1e6;
 
-/// Returns the plots of one path, without plots that can't be drawn: the failure's message has the errors, too.
+/// Returns the plots of one path. If a plot can't be drawn, it is left out, because the failure's message also shows
+/// the errors.
 pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
     let arguments = by_weight(plot);
     let drawn = arguments.iter().take(MOST).filter_map(|(at, _)| scatter(plot, *at));

@@ -152,7 +152,7 @@ fn package(folder: &Path) -> Option<String> {
     Some(table.get("package")?.get("name")?.as_str()?.to_owned())
 }
 
-/// Returns the tests in a program, or none if the program uses another test runner than Rust's.
+/// Returns the tests in a program, or an empty list if the program doesn't use Rust's test runner.
 fn tests(executable: &Path, folder: &Path) -> anyhow::Result<Vec<String>> {
     let mut command = Command::new(executable);
     command.current_dir(folder).args(["--list", "--format", "terse"]);
@@ -189,7 +189,8 @@ fn sources(artifact: &Artifact) -> Vec<PathBuf> {
     all
 }
 
-/// Returns the file in a line of a `.d` file, if the line ends with a colon. Blanks are escaped in such lines.
+/// Returns the path in a line such as `src/lib.rs:` of a `.d` file, or `None` if the line has another form. Spaces in
+/// the path are escaped.
 fn source(line: &str) -> Option<PathBuf> {
     let file = line.strip_suffix(':').filter(|file| !file.starts_with('#'))?.replace("\\ ", " ");
     std::path::absolute(file).ok()
