@@ -160,8 +160,7 @@ pub(super) struct AcceptArgs {
     /// Accepts a frame even if another driver than lavapipe rendered it
     #[arg(long)]
     any_adapter: bool,
-    /// Makes the frame the golden only for this profile, such as `gl-llvmpipe`, if the golden for all profiles fails
-    /// there
+    /// Makes the frame the golden for this profile only, such as `gl-llvmpipe`; the other profiles keep their golden
     #[arg(long, value_name = "PROFILE")]
     profile: Option<String>,
     /// Prints JSON: case, accepted, golden, written, warnings and error for each frame
@@ -308,7 +307,7 @@ struct Frame {
     pending: Pending,
     /// The folder of goldens that the frame belongs to.
     goldens: Goldens,
-    /// The frame's name. If several crates have a frame of this name, it begins with the crate: `lamp::dusk`.
+    /// The frame's name. If several crates have a frame of this name, the name begins with the crate: `lamp::dusk`.
     name: String,
 }
 
