@@ -335,7 +335,7 @@ enum Command {
     Manual(manual::Args),
     /// Prints a completion script for a shell
     Completions {
-        /// The shell to complete in
+        /// The shell that reads the script
         shell: clap_complete::Shell,
     },
 }

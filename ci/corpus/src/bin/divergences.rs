@@ -31,7 +31,7 @@ struct Question {
 enum Answer {
     Agrees,
     Differs(Box<PathDisagreement>),
-    /// The path returned no value, for this reason.
+    /// The path returned no value. The text says why.
     Stopped(String),
 }
 

@@ -140,7 +140,7 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message from the page. The first message has the page's `greeting`. Each later message has in `answer` the page's
+/// A message from the page. The first message has the page's `greeting`. In each later message, `answer` is the page's
 /// reply to the job `number`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

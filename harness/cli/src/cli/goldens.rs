@@ -190,8 +190,8 @@ pub(super) struct RejectArgs {
     folder: FolderArgs,
 }
 
-/// A pending frame or an unusable file in the output of `karat pending --json`. You may add fields, but you can't
-/// change existing fields.
+/// A pending frame or an unusable file in the output of `karat pending --json`. Add new fields, but don't change
+/// existing fields.
 #[derive(Serialize)]
 struct PendingEntry<'a> {
     status: Status,
@@ -478,8 +478,8 @@ fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     }
 }
 
-/// The result of accepting a frame, in the output of `karat accept --json`. You may add fields, but you can't change
-/// existing fields.
+/// The result of accepting a frame, in the output of `karat accept --json`. Add new fields, but don't change existing
+/// fields.
 #[derive(Default, Serialize)]
 struct AcceptEntry {
     case: String,

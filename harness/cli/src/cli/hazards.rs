@@ -279,7 +279,8 @@ fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<
     Ok(())
 }
 
-/// Prints each reason why functions weren't checked, with the first such function and the number of others.
+/// Prints the most frequent reasons why functions weren't checked, each with one of the functions and the number of the
+/// other functions.
 fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::Result<()> {
     let mut reasons: Vec<(&str, &str, usize)> = Vec::new();
     for (name, why) in skipped {

@@ -32,8 +32,8 @@ const MADE_UP: &str = "invented value: write the value that your game engine set
 /// small.
 const FEATURE: &str = "4";
 
-/// The value that Karat invents for a placeholder in a shader, such as `{{SIZE}}`. Most placeholders are sizes of
-/// workgroups, and 64 is a usual size.
+/// The value that Karat invents for a placeholder in a shader, such as `{{SIZE}}`, or for an undeclared name in
+/// capitals. Most placeholders are sizes of workgroups, and 64 is a usual size.
 const VALUE: &str = "64";
 
 /// The comment that Karat writes after an invented value for an undeclared name in capitals.
