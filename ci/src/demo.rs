@@ -33,9 +33,9 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// The arguments of the command that builds the demo's programs. The command builds for the whole workspace: if the
-/// command named fewer packages, or no tests, Cargo would choose other features for shared dependencies, and compile
-/// these dependencies twice.
+/// The arguments of the command that builds the demo's programs. If the command named fewer packages than the whole
+/// workspace, or no tests, Cargo would choose other features for shared dependencies, and compile these dependencies
+/// twice.
 pub(crate) const BUILD: &[&str] = &[
     "build",
     "--workspace",

@@ -261,6 +261,6 @@ fn block<'p>(page: &'p str, language: &str) -> Result<&'p str> {
     found.map(|(text, _)| text).with_context(|| format!("the page has no block of {language}"))
 }
 
-/// A shader like one that a web developer may have.
+/// A shader to test, as a web developer could write it.
 const SHADER: &str = "/// Reinhard's curve.\nfn reinhard(luminance: f32) -> f32 {\n    \
                       return luminance / (1.0 + luminance);\n}\n";

@@ -16,7 +16,7 @@ use crate::{command, dist, glams, matrix, setup, suite, swiftshader};
 /// The page with the results of the last run on SwiftShader.
 const PAGE: &str = "docs/swiftshader.md";
 
-/// The path of the run on SwiftShader. SwiftShader is then the only driver of this path.
+/// The path of the run on SwiftShader. During this run, the path has no other driver.
 const PATHS: &str = "vulkan";
 
 /// Runs the long suites one after the other, and stops at the first failure.
@@ -123,8 +123,8 @@ pub(crate) struct Sum {
 }
 
 impl Sum {
-    /// Adds the result in a line of libtest's output: a failed test (`test NAME ... FAILED`), or the counts in the last
-    /// line of a test program. Ignores other lines.
+    /// Reads a line of libtest's output, and updates the sums if the line reports a failed test, or has the counts of a
+    /// test program.
     pub(crate) fn read(&mut self, line: &str) {
         if let Some(name) =
             line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))

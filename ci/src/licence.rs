@@ -11,8 +11,8 @@ use crate::command;
 
 const ALLOWED: &str = include_str!("../licences.txt");
 
-/// Accepts `MIT/Apache-2.0`, which older crates write instead of `MIT OR Apache-2.0`. Otherwise the expressions must
-/// follow SPDX strictly.
+/// The rules for parsing a licence expression: strict SPDX, except that `/` may stand for `OR`. Older crates write
+/// `MIT/Apache-2.0`.
 const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
 
 /// Checks all crates, and prints their number.

@@ -15,7 +15,7 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// Appends the lint steps, cheapest first.
+/// Runs the lint steps, the fastest step first, and adds their verdicts to `steps`.
 pub(crate) fn steps(steps: &mut Steps) {
     steps.run("format", format);
     steps.run("licences", licence::check);

@@ -60,9 +60,9 @@ enum Task {
     ///
     /// On Linux both Vulkan and GL must be loadable, in software or hardware. On Debian, Fedora and Arch (and their
     /// relatives) the command installs missing packages; on other systems the command prints their names. macOS and
-    /// Windows include Metal and DX12, so the command installs no drivers there. The command also installs a Chromium,
-    /// which the tests of the review page need, and Tint, by npm, outside the working tree. Then the command builds the
-    /// harness, which opens each path.
+    /// Windows include Metal and DX12, so the command installs no drivers there. The command also installs two programs
+    /// outside the working tree: Chromium, for the tests of the review page, and Tint, with npm. Then the command
+    /// builds the harness, which opens each path.
     Setup {
         /// Only report: install nothing, and fail if a path is missing.
         #[arg(long)]

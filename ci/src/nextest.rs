@@ -1,4 +1,4 @@
-//! `cargo ci nextest`: runs tests with another test runner, once completely and once in three parts, and compares the
+//! `cargo ci nextest`: runs tests with cargo-nextest, once completely and once in three parts, and compares the
 //! reports.
 
 use std::io::Write;

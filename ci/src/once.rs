@@ -54,8 +54,8 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Returns the packages that build scripts and macros use. Cargo compiles these packages for the host, with their own
-/// features.
+/// Returns the packages that build scripts and macros use. Cargo builds these packages for the build machine, and
+/// chooses their features separately.
 fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
     use cargo_metadata::DependencyKind;
     let Some(resolve) = &metadata.resolve else { return BTreeSet::new() };

@@ -168,8 +168,8 @@ fn target() -> PathBuf {
     command::root().join(target)
 }
 
-/// Returns the folder for the unpacked packages. Beside the packages in this folder there are no other files of the
-/// repository, which a package could read by mistake.
+/// Returns the folder for the unpacked packages. A package in this folder can't read the repository's other files by a
+/// relative path such as `../README.md`.
 fn unpacked() -> PathBuf {
     target().join("package").join("unpacked")
 }
@@ -204,8 +204,8 @@ fn unpack() -> Result<()> {
     Ok(())
 }
 
-/// Returns the profiles in the text of a manifest. If both workspaces have the same profiles, their builds share
-/// compiled crates.
+/// Returns the profiles in the text of a manifest. The workspace of the unpacked packages gets the repository's
+/// profiles, so that its build reuses crates that the repository's build compiled.
 fn profiles(manifest: &str) -> String {
     let mut found = String::new();
     let mut within = false;

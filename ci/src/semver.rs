@@ -129,7 +129,7 @@ fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     Ok([old, new])
 }
 
-/// Copies the description of an interface into a file beside it, without private items, and returns this file.
+/// Writes a copy of an interface's description without the private items, and returns the path of the copy.
 /// cargo-semver-checks makes rustdoc describe private items, too.
 fn published(file: &Path) -> Result<PathBuf> {
     let text = std::fs::read(file).with_context(|| format!("can't read `{}`", file.display()))?;

@@ -50,8 +50,8 @@ const TEST_MODULES: [&str; 3] =
 struct Sentence {
     /// The line on which the sentence's paragraph begins.
     line: usize,
-    /// The context of the sentence. For a page this is the heading above the sentence, for a message the code before
-    /// the string literal, and for a comment the documented code, after the first line of the block around this code.
+    /// The context of the sentence: for a page, the heading above the sentence; for a message, the code before the
+    /// string literal; for a comment, the first line of the enclosing block and the documented code.
     about: String,
     /// The previous sentence of the same paragraph or table row.
     before: String,
@@ -170,9 +170,9 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
     found
 }
 
-/// Returns the string literals in Rust code that users see, without their line breaks. Leaves out raw strings, which
-/// are shaders, generated code, and the texts of `expect` and `unreachable!`, which appear only in bug reports. Reads
-/// the code without a parser of Rust, because `ci` must compile before everything else.
+/// Returns the string literals in Rust code that users see, without their line breaks. Leaves out shaders (raw
+/// strings), generated code, and messages for developers (`expect`, `unreachable!`). Reads the code without a parser of
+/// Rust, because `ci` must compile before everything else.
 fn literals(text: &str) -> Vec<Paragraph> {
     let (mut found, mut rest, mut line) = (Vec::new(), text, 1);
     while let Some(first) = rest.chars().next() {

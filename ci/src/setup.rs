@@ -87,7 +87,7 @@ pub(crate) fn browser() -> Option<std::path::PathBuf> {
     browser::find(&Host::current())
 }
 
-/// Functions that install and find Node, and the packages that the tests of Karat's npm packages use.
+/// Functions that install and find Node and the npm packages for the tests of Karat's own npm packages.
 pub(crate) use npm::{install_web, node_and_modules, version as node_version};
 
 /// Checks if all drivers that the tests need are installed, and installs nothing. If a driver is missing, the error

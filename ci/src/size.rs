@@ -13,9 +13,9 @@ use crate::command;
 /// The folder whose sources the command measures, without their tests.
 const HARNESS: &str = "harness";
 
-/// The texts to search for: of a verb, a path and a subcommand with unique names. The number of files that contain such
-/// a text shows how many files you would change for a new verb, path or subcommand. Each entry is a title, the folder
-/// to search, and the text.
+/// Names that occur only in the code of one verb, one path and one subcommand. The number of files with such a name
+/// shows how many files you would change for a new verb, path or subcommand. Each entry has a title, the folder to
+/// search, and the name.
 const SPREAD: [(&str, &str, &str); 3] = [
     ("files of a verb", "harness", "is_unit"),
     ("files of a path", "harness/src", "Api::Dx12"),
@@ -289,8 +289,8 @@ fn word(text: &str) -> String {
 mod tests {
     use super::*;
 
-    /// The largest allowed number of functions with more than [`LONG`] lines. If a new function is so long, split it or
-    /// an older one.
+    /// The largest allowed number of functions with more than [`LONG`] lines. If you add such a function, split it, or
+    /// split another such function.
     const MOST_LONG: usize = 60;
 
     /// Returns the number of lines of code in each folder that has a budget: a folder of `harness/src`, or another

@@ -26,7 +26,7 @@ pub(crate) struct Wanted {
     pub(crate) karat: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Value>,
-    /// The features that only some modules need: for the name of a module, the features to turn on.
+    /// The features that only some modules need: for each module's name, the features to turn on.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Vec<String>>,
 }

@@ -1,4 +1,4 @@
-//! Finds GL: EGL without a display, a vendor library, and a driver.
+//! Finds the parts of GL: the library EGL, a vendor's EGL library, and a driver.
 
 use std::path::PathBuf;
 

@@ -11,7 +11,7 @@ use std::process::Command;
 pub(crate) struct Host {
     root: PathBuf,
     variables: BTreeMap<OsString, OsString>,
-    /// The output of `ldconfig -p`. It also lists folders that only `/etc/ld.so.conf.d` names.
+    /// The output of `ldconfig -p`. This output includes libraries in folders that only `/etc/ld.so.conf.d` names.
     ldconfig: String,
 }
 

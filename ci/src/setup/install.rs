@@ -116,7 +116,7 @@ enum Failing {
     Tolerated,
 }
 
-/// The way to get the privilege that the package manager needs.
+/// The way to become root, as the package manager requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Privilege {
     Root,
@@ -125,7 +125,7 @@ pub(crate) enum Privilege {
 }
 
 impl Privilege {
-    /// Finds out how this process can get the privilege.
+    /// Finds out how this process can become root.
     pub(crate) fn current() -> Self {
         let id = Command::new("id").arg("-u").output();
         if id.is_ok_and(|output| output.stdout.trim_ascii() == b"0") {
@@ -137,7 +137,7 @@ impl Privilege {
         }
     }
 
-    /// Returns a command that runs a line of the package manager with this privilege.
+    /// Returns a command that runs `line`, a command line of the package manager, with this privilege.
     fn command(self, line: &str) -> Command {
         let mut words = line.split_whitespace();
         // sudo drops most variables, so `env` sets this one.

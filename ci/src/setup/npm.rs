@@ -142,7 +142,7 @@ fn places(node: &Path) -> [(PathBuf, PathBuf); 2] {
         .map(|(program, modules)| (wheel.join(program), wheel.join(modules)))
 }
 
-/// Returns the npm of a Node from Python's package index, which pip installed into the folder `node`.
+/// Returns the npm of the Node that pip installed into the folder `node`.
 fn npm_of(node: &Path) -> Option<Command> {
     let (program, modules) = places(node).into_iter().find(|(program, _)| program.is_file())?;
     let mut npm = Command::new(program);

@@ -79,7 +79,7 @@ impl From<Ending> for ExitCode {
     }
 }
 
-/// The error of a command after its child program has already printed the cause, so Karat prints no message.
+/// The error of a command that has already printed the cause, so that Karat prints no further message.
 #[derive(Debug, thiserror::Error)]
 #[error("see above")]
 struct Reported;
@@ -147,7 +147,7 @@ enum Command {
                             Only this machine can open the page, and the page's URL contains a secret. For the paths `dawn` and `chromium`, run `karat test`: these paths need no page.\n\
                             Exit codes: the codes of `karat test`, and 2 if no browser opens the page.")]
     Browser(browser::Args),
-    /// Runs again the case on which a check of the last run failed
+    /// Runs a failing case of the last run again
     #[command(after_help = "Examples:\n  karat replay          runs the only failure again\n  \
                             karat replay 3f2a     runs the failure that `karat test` calls 3f2a\n  \
                             karat replay 3f2a --print    prints the whole command, for a debugger or CI\n\
@@ -335,7 +335,7 @@ enum Command {
     Manual(manual::Args),
     /// Prints a completion script for a shell
     Completions {
-        /// The shell to complete in
+        /// The shell that reads the script
         shell: clap_complete::Shell,
     },
 }
@@ -455,8 +455,8 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// Checks the names of the environment variables `KARAT_...`, because a misspelt variable would have no effect. Then
-/// runs the command.
+/// Runs a command. First checks the names of the environment variables that begin with `KARAT_`, because a misspelt
+/// variable would have no effect.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
         karat::unstable::settings::check()?;

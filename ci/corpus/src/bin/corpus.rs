@@ -53,12 +53,11 @@ struct Row {
     callable: usize,
     /// For each reason, the number of functions that Karat can't call for this reason.
     reasons: BTreeMap<String, usize>,
-    /// The time that the slowest module took, in milliseconds.
+    /// The time that the crate's slowest module took, in milliseconds.
     slowest_ms: u128,
 }
 
-/// The longest time that Karat may take for a module, even on a busy machine. A longer time is a fault of Karat. The
-/// JSON file contains the longest time of each crate.
+/// The longest time that Karat may take for a module, even on a busy machine. A longer time is a fault of Karat.
 const SLOWEST: Duration = Duration::from_secs(10);
 
 fn main() -> ExitCode {
@@ -300,8 +299,8 @@ fn seeming_functions(text: &str) -> usize {
     text.lines().filter(|line| line.trim_start().starts_with("fn ")).count()
 }
 
-/// The reasons why Karat can't call a valid function. Each entry is a piece of Karat's message, and the reason that the
-/// table gives for such a message.
+/// The reasons why Karat can't call a valid function. Each entry has a piece of text to find in Karat's error message,
+/// and the reason that the table shows for such a message.
 const BY_NATURE: &[(&str, &str)] = &[
     ("a pointer", "pointer"),
     ("returns nothing", "no result"),

@@ -1,5 +1,5 @@
-//! Translates and runs shaders of other projects on each route, and reports for each function and entry point how far
-//! it gets: translated, valid, executed, or with the same results as on another route.
+//! Translates and runs shaders of other projects on each route. For each function and entry point, the program reports
+//! if the translation succeeds, is valid, runs, and gives the same results as another route.
 //!
 //! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` computes the matrix of each crate and folder of a list
 //! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs the program over `ci/corpus.toml`. The
@@ -25,8 +25,7 @@ use list::{List, Wanted};
 /// The number of inputs for each function. 64 inputs are enough to show that a translation is wrong.
 const CASES: usize = 64;
 
-/// The problems that a cell of the matrix can report. The printed table has a column for each problem and for each
-/// status.
+/// The problems that a cell of the matrix can report. The printed table counts the cells with each problem.
 const WRONG: [&str; 5] = ["DIFFERS", "INVALID", "NO VERDICT", "PANICS", "unsupported"];
 
 /// The counts for one crate, or for all crates together.

@@ -1,4 +1,4 @@
-//! Lists the expressions for which a driver, or a translation of naga, violates WGSL.
+//! Lists the expressions for which a driver, or a translation that naga wrote, violates WGSL.
 //!
 //! `cargo run --bin divergences -- docs/divergences` tests each operator and builtin function on each path of
 //! `KARAT_PATHS`, and writes a page for each path and driver. The pages of drivers that this machine lacks stay
@@ -31,12 +31,12 @@ struct Question {
 enum Answer {
     Agrees,
     Differs(Box<PathDisagreement>),
-    /// The path returned no value, for this reason.
+    /// The path returned no value. The text says why.
     Stopped(String),
 }
 
-/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4), if these bounds allow an error
-/// of at most 1.
+/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4). A case fails if its bounds allow
+/// an error above 1.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }

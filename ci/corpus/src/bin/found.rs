@@ -71,7 +71,7 @@ struct Found {
     check: Check,
     /// The text to replace in the function's module, and the new text.
     change: [&'static str; 2],
-    /// Another check, which the repaired function also passes.
+    /// A second check, which only the repaired function must pass.
     mended: Option<Check>,
 }
 
@@ -481,7 +481,7 @@ fn all(folder: &Path) -> Result<(), String> {
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
 
-/// The section of `docs/found/README.md` about compute passes that people checked once, by hand.
+/// The section of `docs/found/README.md` about other projects' compute passes, which Karat's authors checked by hand.
 const DISPATCHED: &str = "
 ## Passes with the sizes of their host
 

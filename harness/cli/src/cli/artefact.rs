@@ -17,8 +17,8 @@ use super::NotThere;
 const MOST_ENTRIES: usize = 20_000;
 /// The largest number of frames that Karat unpacks.
 const MOST_FRAMES: usize = 2_000;
-/// The largest size of a frame, in bytes. A golden has at most 1 MiB, but a frame with NaN takes more space, because it
-/// is stored as floats.
+/// The largest size of a pending frame, in bytes. A golden has at most 1 MiB, but a frame with NaN can be larger,
+/// because Karat stores it in 32-bit floats and not in half floats.
 const LARGEST_FRAME: u64 = 64 << 20;
 /// The largest size of all frames together, in bytes.
 const LARGEST: u64 = 1 << 30;
@@ -32,8 +32,8 @@ pub(super) struct Artefact {
 }
 
 impl Artefact {
-    /// Opens a folder, or unpacks a zip. Returns an error if the folder or zip contains no pending frames or values and
-    /// no record, because then it isn't the artefact of a run.
+    /// Opens a folder, or unpacks a zip. The folder or zip must contain a pending frame, pending values or a record, as
+    /// each artefact of a run does. Otherwise returns an error.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let shown = path.display();
         if path.is_dir() {

@@ -27,8 +27,8 @@ const LONGEST: u64 = 1 << 30;
 /// no job, and the page asks again. Proxies and browsers would give up after 30 seconds.
 const POLL: Duration = Duration::from_secs(5);
 
-/// If a page doesn't ask for a job for this time, Karat treats the page as closed. A page in a background tab may ask
-/// late.
+/// The time after which Karat treats a silent page as closed. This time is long, because a page in a background tab may
+/// ask late for its next job.
 const GONE: Duration = Duration::from_secs(30);
 
 #[derive(clap::Args)]
@@ -140,7 +140,7 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message from the page. The first message has the page's `greeting`. Each later message has in `answer` the page's
+/// A message from the page. The first message has the page's `greeting`. In each later message, `answer` is the page's
 /// reply to the job `number`.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -187,7 +187,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Checks if the program at the other end hasn't closed the stream.
+/// Checks if the stream is still open at the other end.
 fn is_open(stream: &TcpStream) -> bool {
     let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
     let is_blocking = stream.set_nonblocking(false).is_ok();
@@ -227,7 +227,8 @@ impl Desk {
         }
     }
 
-    /// Stores the reply in the page's message, and then answers with the next job. Waits for this job at most [`POLL`].
+    /// Stores the reply that a page's message contains, and then answers with the next job. Waits for this job at most
+    /// [`POLL`].
     fn next(&self, said: Said) -> Answer {
         let mut state = locked(&self.state);
         if let (None, Some(failed)) = (&state.page, said.failed) {

@@ -41,8 +41,8 @@ pub(super) struct Args {
     /// .bin), or to a sampler (`linear repeat`); may be repeated
     #[arg(long = "bind", value_name = "NAME=VALUE")]
     bind: Vec<String>,
-    /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a number
-    /// from 0, has different values; in the first cases, the values are ends of ranges [default CASE: 0]
+    /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE (0, 1, 2,
+    /// ...) has different values; in the first cases, the values are ends of ranges [default CASE: 0]
     #[arg(long, alias = "made-up", value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,

@@ -80,9 +80,8 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// Does the work of [`validate`], and also returns the verdicts of compilers other than naga. If neither a manifest nor
-/// an option names a package, a module also counts as valid if it is valid with the features that a test in `uses`
-/// sets.
+/// Does the work of [`validate`], and also returns the verdicts of compilers other than naga. In a package that no
+/// manifest and no option declares, Karat also accepts modules that are valid with the features of a test in `uses`.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -184,8 +183,8 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
 }
 
 /// Returns the invalid packages, and the verdicts of compilers other than naga on all packages. Karat validates a
-/// package with the settings in its `karat.toml`. If neither a manifest nor an option names the package, a module also
-/// counts as valid if it is valid with the features and dependencies that a test of the run used.
+/// package with the settings in its `karat.toml`. In a package that no manifest and no option declares, Karat also
+/// accepts modules that are valid with the features and dependencies of a test of the run `run`.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,

@@ -1,5 +1,5 @@
-//! Runs other programs. If the reader of Karat's output ends early, such as `head`, the exit codes of these programs
-//! don't change.
+//! Runs other programs. If the program that reads Karat's output ends early, as `head` does, the exit codes of the
+//! other programs don't change.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};
@@ -10,7 +10,7 @@ use anyhow::Context;
 use karat::unstable::output::{Output, with_colours};
 use tempfile::TempDir;
 
-/// Runs a program, and prints each line of its output at once. On a terminal the output keeps its colours.
+/// Runs a program, and prints each line of its output without delay. On a terminal the output keeps its colours.
 pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {
     if std::io::stdout().is_terminal() && std::io::stderr().is_terminal() {
         let name = command.get_program().display().to_string();

@@ -136,8 +136,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the phrases of the last line of output: the coverage, and the code that isn't counted or checked. `short` is
-/// the percentage of lines that an option requires and the tests don't reach, or otherwise `None`.
+/// Returns the phrases of the last line of output: the coverage, and the code that isn't counted or checked. If the
+/// coverage is lower than an option requires, `short` is the required percentage.
 fn parts(
     sum: &Sum,
     tests: usize,

@@ -9,8 +9,8 @@ use anyhow::{Context, bail, ensure};
 use karat::unstable::output::visible;
 use karat::unstable::process;
 
-/// Runs git in a folder, and returns its output. With these arguments git prints file names without quotes and relative
-/// to the root of the repository, whatever the user has configured.
+/// Runs git in a folder, and returns its output. In this output, file names have no quotes, and are relative to the
+/// repository's root, whatever the user has configured.
 pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
     let mut command = Command::new("git");
     command.current_dir(folder);
@@ -80,8 +80,8 @@ pub(super) fn lines_since(
     Ok(all)
 }
 
-/// Copies shaders of a revision into `folder`: the modules and `karat.toml` files that were then below `root`. Returns
-/// the path that corresponds to `root` in the copy.
+/// Copies shaders of a revision into `folder`: the modules and `karat.toml` files that are below `root` at this
+/// revision. Returns the path that corresponds to `root` in the copy.
 pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
     let root = root.canonicalize().with_context(|| format!("`{}`", root.display()))?;
     let (base, file) = match root.is_file() {

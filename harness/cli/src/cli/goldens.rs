@@ -160,8 +160,7 @@ pub(super) struct AcceptArgs {
     /// Accepts a frame even if another driver than lavapipe rendered it
     #[arg(long)]
     any_adapter: bool,
-    /// Makes the frame the golden only for this profile, such as `gl-llvmpipe`, if the golden for all profiles fails
-    /// there
+    /// Makes the frame the golden for this profile only, such as `gl-llvmpipe`; the other profiles keep their golden
     #[arg(long, value_name = "PROFILE")]
     profile: Option<String>,
     /// Prints JSON: case, accepted, golden, written, warnings and error for each frame
@@ -191,8 +190,8 @@ pub(super) struct RejectArgs {
     folder: FolderArgs,
 }
 
-/// A pending frame or an unusable file in the output of `karat pending --json`. You may add fields, but you can't
-/// change existing fields.
+/// A pending frame or an unusable file in the output of `karat pending --json`. Add new fields, but don't change
+/// existing fields.
 #[derive(Serialize)]
 struct PendingEntry<'a> {
     status: Status,
@@ -308,7 +307,7 @@ struct Frame {
     pending: Pending,
     /// The folder of goldens that the frame belongs to.
     goldens: Goldens,
-    /// The frame's name. If several crates have a frame of this name, it begins with the crate: `lamp::dusk`.
+    /// The frame's name. If several crates have a frame of this name, the name begins with the crate: `lamp::dusk`.
     name: String,
 }
 
@@ -479,8 +478,8 @@ fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     }
 }
 
-/// The result of accepting a frame, in the output of `karat accept --json`. You may add fields, but you can't change
-/// existing fields.
+/// The result of accepting a frame, in the output of `karat accept --json`. Add new fields, but don't change existing
+/// fields.
 #[derive(Default, Serialize)]
 struct AcceptEntry {
     case: String,

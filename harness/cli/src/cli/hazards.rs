@@ -18,7 +18,7 @@ use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 
-/// The largest number of reasons for not checking functions that Karat prints without `--all`.
+/// The largest number of reasons that Karat prints for unchecked functions, unless you pass `--all`.
 const REASONS: usize = 4;
 
 /// The number of lines that Karat prints for an average finding. Karat computes from this number how many findings fit
@@ -268,7 +268,7 @@ fn write_text(
     Ok(())
 }
 
-/// The largest number of arguments that Karat lists in a line about their ranges without `--all`.
+/// The largest number of arguments in a printed line about the ranges of arguments, unless you pass `--all`.
 const NAMES: usize = 12;
 
 /// Prints the ranges from which Karat generated the arguments.
@@ -279,7 +279,8 @@ fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<
     Ok(())
 }
 
-/// Prints each reason why functions weren't checked, with the first such function and the number of others.
+/// Prints the most frequent reasons why functions weren't checked, each with one of the functions and the number of the
+/// other functions.
 fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::Result<()> {
     let mut reasons: Vec<(&str, &str, usize)> = Vec::new();
     for (name, why) in skipped {
@@ -300,9 +301,9 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// Groups similar findings. Requirements of a function form a group if callers can prevent them with other values of
-/// the same inputs, or if Karat knows no such inputs and the requirements have the same kind. Each fault is a separate
-/// group. The groups are in the order of their first findings.
+/// Groups similar findings. A group has the requirements of one function that concern the same inputs. If Karat doesn't
+/// know the inputs, a group has the requirements of one function and one kind. Each fault is a separate group. The
+/// groups are in the order of their first findings.
 fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();

@@ -50,7 +50,7 @@ pub(in crate::cli) fn overrides_in(
     }
 }
 
-/// Returns, of the given values, only the values of overrides that this package has.
+/// Returns the given values without those of overrides that this package lacks.
 pub(in crate::cli) fn overrides_of(
     package: &Package,
     given: &BTreeMap<String, f64>,

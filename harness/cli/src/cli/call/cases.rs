@@ -97,8 +97,9 @@ pub(super) struct Given {
 }
 
 impl Given {
-    /// Returns an error if a path returned no results, and prints a failed assertion of the shader. Call this function
-    /// after you have printed the results of the other paths.
+    /// Returns the command's outcome: an error if a path has no results, and [`Ending::Bad`] if an assertion of the
+    /// shader failed. Prints the failed assertion. Call this function after you have printed the results of the other
+    /// paths.
     pub(super) fn ending(&self) -> Outcome {
         let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();

@@ -67,7 +67,7 @@ pub(super) struct Sum {
 }
 
 impl Union {
-    /// Adds the statements of a package, which no test has run so far.
+    /// Adds the statements of a package, with counts of 0.
     pub(super) fn add(&mut self, root: &Path, all: impl Iterator<Item = Counted>) {
         let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
         for one in all {

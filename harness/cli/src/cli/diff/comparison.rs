@@ -1,5 +1,5 @@
-//! The measured difference between two images. Other programs read it as JSON, so you may add fields, but you can't
-//! change existing fields.
+//! The measured difference between two images. Other programs read it as JSON, so add new fields, but don't change
+//! existing fields.
 
 use std::path::Path;
 
@@ -66,8 +66,8 @@ pub(super) struct Comparison {
     /// LDR-FLIP, if both files are PNGs. No bound applies to LDR-FLIP.
     pub(super) ldr_flip: Option<LdrResult>,
     pub(super) heatmap: Option<String>,
-    /// The error that has the last colour of the heatmap's scale, or `None` if the heatmap is an EXR image, which
-    /// contains the errors as numbers.
+    /// The error that the last colour of the heatmap's legend stands for, or `None` if the heatmap is an EXR image,
+    /// which contains the errors as numbers.
     pub(super) heatmap_full: Option<f32>,
 }
 

@@ -12,8 +12,8 @@ use karat_inspect::conform::{Answer, Answered, conform};
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::super::{Ending, Outcome, write_json};
 
-/// Returns the path for a name: of the program in KARAT_EXECUTORS with this name, or otherwise the path itself, such as
-/// `vulkan`.
+/// Returns the path that runs jobs on the program with this name in `KARAT_EXECUTORS`. If there is no such program,
+/// parses the name as a path, such as `vulkan`.
 fn path(name: &str) -> Result<Path, PathError> {
     if let Some(own) = programs()?.into_iter().find(|path| path.driver() == Some(name)) {
         return Ok(own);

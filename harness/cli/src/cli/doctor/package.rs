@@ -18,8 +18,8 @@ use super::super::project::Project;
 use super::super::table::{BAD, DIM, GOOD, HEAD};
 use super::super::{Ending, Outcome, write_json};
 
-/// The largest number of rounds. In each round Karat validates the modules, and adds the lines that the errors ask for.
-/// One round isn't enough, because the first error of a module hides its other errors.
+/// The largest number of rounds in which Karat validates the modules, and adds the lines that the errors ask for. One
+/// round isn't enough, because the first error of a module hides its other errors.
 const ROUNDS: usize = 32;
 
 /// The largest number of modules that the output lists. More lines wouldn't fit on a screen.
@@ -32,7 +32,8 @@ const MADE_UP: &str = "invented value: write the value that your game engine set
 /// small.
 const FEATURE: &str = "4";
 
-/// The value that Karat invents for a placeholder. Most placeholders are sizes of workgroups, and 64 is a usual size.
+/// The value that Karat invents for a placeholder in a shader, such as `{{SIZE}}`, or for an undeclared name in
+/// capitals. Most placeholders are sizes of workgroups, and 64 is a usual size.
 const VALUE: &str = "64";
 
 /// The comment that Karat writes after an invented value for an undeclared name in capitals.
@@ -46,7 +47,7 @@ const VARIANT: &str = "a declaration needs this feature: your game engine may se
 /// The comment that Karat writes after an empty text, if only the user's game engine knows the real text.
 const TEXT: &str = "empty: write the text that your game engine inserts";
 
-/// Returns advice to the author on an error that Karat can't correct by a line.
+/// Returns advice to the author on an error that Karat can't correct by adding a line to `karat.toml`.
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
         Mend::Elsewhere(sentence) => Some(sentence.clone()),
