@@ -809,9 +809,10 @@ impl Hazard {
             (Class::Requirement, []) if self.kind == Kind::Endless => {
                 Some("needs other inputs".to_owned())
             }
-            (Class::Requirement, []) => {
-                Some("needs other inputs: Karat changed one input at a time, and no change avoids the hazard".to_owned())
-            }
+            (Class::Requirement, []) => Some(
+                "needs other inputs: if Karat changes only one input, the hazard remains"
+                    .to_owned(),
+            ),
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,
         };

@@ -485,7 +485,9 @@ impl Request {
                     "the only tests are frames ({frames}), which need a driver: add --paths vulkan"
                 ),
             };
-            return Err(MutateError::NoTest(format!("no test could kill a mutant: {why}")));
+            return Err(MutateError::NoTest(format!(
+                "Karat found no test that could kill a mutant: {why}"
+            )));
         }
         Ok((judges, frames.len()))
     }

@@ -61,10 +61,10 @@ impl Session<'_> {
                 let text = one_line(&text);
                 match bound.is_reordered() {
                     true => format!(
-                        ": `{text}` ({span}) has bounds in the written order, but WGSL (15.7.5) also \
-                         allows an order that overflows or divides by a value too near to 0"
+                        ": as written, `{text}` ({span}) has bounds, but WGSL (15.7.5) also allows \
+                         another order of the operations, which overflows or divides by a value too near to 0"
                     ),
-                    false => format!(": it sets no bounds for `{text}` ({span})"),
+                    false => format!(": there are no bounds for `{text}` ({span})"),
                 }
             });
             lines.push(("WGSL", format!("allows anything{cause}")));
@@ -74,10 +74,12 @@ impl Session<'_> {
         let inside = |x: f64| least <= x && x <= most;
         let allowed = bound.allows(actual);
         let said = match (allowed, inside(expected)) {
-            (true, true) => "; the test's tolerance is stricter",
-            (true, false) => "; the reference lies outside: this code computes something else",
-            (false, true) => "; this path's result lies outside",
-            (false, false) => "; the result and the reference lie outside",
+            (true, true) => "; the test's tolerance is stricter than these bounds",
+            (true, false) => {
+                "; the reference is outside of these bounds: this code computes something else"
+            }
+            (false, true) => "; this path's result is outside of these bounds",
+            (false, false) => "; the result and the reference are outside of these bounds",
         };
         let width = width(least, most);
         lines.push(("WGSL", format!("allows {}{width}{said}", interval(bound))));

@@ -40,7 +40,7 @@ pub enum Vacuous {
         case: u64,
     },
     /// A replay selects a simpler value that doesn't exist.
-    #[error("no longer has the simpler value that the steps of KARAT_CASE select")]
+    #[error("no longer has the simpler value that KARAT_CASE selects")]
     NoSuchStep,
     /// A replay supplies more or fewer words of arguments than a case has.
     #[error("has cases of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
