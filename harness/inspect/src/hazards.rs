@@ -809,10 +809,9 @@ impl Hazard {
             (Class::Requirement, []) if self.kind == Kind::Endless => {
                 Some("needs other inputs".to_owned())
             }
-            (Class::Requirement, []) => Some(
-                "needs other inputs: if Karat changes only one input, the hazard remains"
-                    .to_owned(),
-            ),
+            (Class::Requirement, []) => {
+                Some("needs other inputs: changing only one input isn't enough".to_owned())
+            }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,
         };

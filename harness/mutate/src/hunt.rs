@@ -485,9 +485,7 @@ impl Request {
                     "the only tests are frames ({frames}), which need a driver: add --paths vulkan"
                 ),
             };
-            return Err(MutateError::NoTest(format!(
-                "Karat found no test that could kill a mutant: {why}"
-            )));
+            return Err(MutateError::NoTest(format!("there is no test to run: {why}")));
         }
         Ok((judges, frames.len()))
     }

@@ -64,7 +64,7 @@ impl Session<'_> {
                         ": as written, `{text}` ({span}) has bounds, but WGSL (15.7.5) also allows \
                          another order of the operations, which overflows or divides by a value too near to 0"
                     ),
-                    false => format!(": there are no bounds for `{text}` ({span})"),
+                    false => format!(": no bounds exist for `{text}` ({span})"),
                 }
             });
             lines.push(("WGSL", format!("allows anything{cause}")));
@@ -74,12 +74,10 @@ impl Session<'_> {
         let inside = |x: f64| least <= x && x <= most;
         let allowed = bound.allows(actual);
         let said = match (allowed, inside(expected)) {
-            (true, true) => "; the test's tolerance is stricter than these bounds",
-            (true, false) => {
-                "; the reference is outside of these bounds: this code computes something else"
-            }
-            (false, true) => "; this path's result is outside of these bounds",
-            (false, false) => "; the result and the reference are outside of these bounds",
+            (true, true) => "; the test's tolerance is stricter than WGSL's bounds",
+            (true, false) => "; the reference isn't allowed: this code computes something else",
+            (false, true) => "; this path's result isn't allowed",
+            (false, false) => "; the result and the reference aren't allowed",
         };
         let width = width(least, most);
         lines.push(("WGSL", format!("allows {}{width}{said}", interval(bound))));

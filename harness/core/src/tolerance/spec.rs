@@ -121,7 +121,8 @@ impl DeviceSpec {
 /// use karat::{Abs, Rel, Spec};
 ///
 /// let spec_tolerance = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
-/// assert_eq!(spec_tolerance.to_string(), "what WGSL allows if all allowed results are within rel 1e-2 of the reference, or else abs 1e-6");
+/// let text = "what WGSL allows if all allowed results are within rel 1e-2 of the reference, or else abs 1e-6";
+/// assert_eq!(spec_tolerance.to_string(), text);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
