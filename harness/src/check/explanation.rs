@@ -115,7 +115,7 @@ impl Session<'_> {
         }
         let place = &witness.place();
         Some(format!(
-            "all let-bindings are within WGSL's bounds, but the value that `{}` returns isn't ({place})",
+            "all let-bindings are within WGSL's bounds, but `{}` returns a value outside of these bounds ({place})",
             self.called.function().name
         ))
     }

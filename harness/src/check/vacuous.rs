@@ -61,8 +61,8 @@ pub enum Vacuous {
     /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the tolerance after `or` judged
     /// every case.
     #[error(
-        "has no case in which WGSL's bounds are narrow enough for the test: use only the \
-         tolerance after `or`"
+        "has no case in which WGSL's bounds are narrow enough for the test: use `x` \
+         instead of `Spec.or(x)`"
     )]
     Ungranted,
     /// A transformation changes no argument of any case.
