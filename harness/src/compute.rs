@@ -200,7 +200,7 @@ pub enum ComputeError {
     },
     /// The bound of a tolerance is negative or NaN, or is so large that every result would pass.
     #[error(
-        "the tolerance {tolerance} isn't usable, because its bound is {bound:e}: use a number of at least 0 that an error can exceed"
+        "the tolerance {tolerance} isn't usable, because its bound is {bound:e}: use a number of at least 0, small enough that some results fail"
     )]
     Bound {
         /// The tolerance that a test set.
@@ -709,7 +709,7 @@ impl After<'_> {
         });
         let broken = judge::Broken { failures: missed, first: element };
         let breaks = |_: &[u32]| (missed > 0).then(|| broken.clone());
-        let text = "the passes write each element in Karat's engine".to_owned();
+        let text = "in Karat's engine, the passes write each element".to_owned();
         let statement =
             judge::Statement { text, shape, may_stay: true, settled: true, breaks: &breaks };
         self.judge(judge::Assertion::Holds(statement), Location::caller())

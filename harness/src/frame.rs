@@ -804,7 +804,7 @@ fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
     let all = drawing.all_bindings();
     let written = all.iter().find(|binding| binding.kind.is_written())?;
     let reason = format!(
-        "a draw may write `{}`, and only `karat hazards` looks for races between pixels",
+        "a draw can write `{}`: to find races between pixels, run `karat hazards`",
         written.name()
     );
     Some(Watched { reason, ..Watched::default() })

@@ -93,7 +93,7 @@ fn messages_of_properties_show_both_calls() {
           a' = 0
           b' = 1
     returned = 2
-               (returned for the arguments with a prime; expected: the result for the arguments without a prime)
+               (returned for the arguments with a prime ('); expected: the result for the arguments without a prime)
       actual = 2 (0x1p+1)
     expected = 1 (0x1p+0)  nearest f32 of 1
        error = 8.39e6 ulp (4 allowed), rel 1, abs 1

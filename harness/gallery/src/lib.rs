@@ -120,7 +120,7 @@ enum GalleryError {
     Name(String),
     #[error("the gallery has two frames with the name `{0}`")]
     Twice(String),
-    #[error("no frame is named: name a frame, or use --first or --all; the frames are\n{0}")]
+    #[error("no frame is selected: name a frame, or use --first or --all; the frames are\n{0}")]
     NoneNamed(String),
     #[error("the gallery has no frame `{name}`{}",
         nearest.as_ref().map_or_else(

@@ -88,14 +88,14 @@ impl Tappable for Frame<'_> {
             }
             (None, shown) => {
                 return Ok(format!(
-                    "the pixel computes the value {times} times, but the engine shows only the first {shown} times: select one of these times with --round"
+                    "the pixel computes the value {times} times, but the engine shows only the first {shown} of these computations: select one of them with --round"
                 ));
             }
         };
         // A step with another number of components has only a part of the value.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
-                "the engine's step computes only {} of the value's components: `karat trace` shows all steps",
+                "in the engine, one step computes only {} of the value's components: `karat trace` shows all steps",
                 step.single.len()
             ));
         }

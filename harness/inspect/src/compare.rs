@@ -544,7 +544,7 @@ impl Request {
                 unjudged(format!("before the edit: {}", was.unwrap_or_default()))
             }
             Pair::Hidden(open) => unjudged(format!(
-                "Karat didn't find the features that turn on the edited code: Karat turned on none, one, two or all of the module's {} features. Turn on the right features with --feature NAME",
+                "Karat didn't find the features that turn on the edited code: the module's {} features have too many combinations to try all. Turn on the right features with --feature NAME",
                 open.len()
             )),
         }

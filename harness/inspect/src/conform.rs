@@ -444,8 +444,8 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
             if !message.is_empty() && bytes.as_ref().is_none_or(is_inside) => {}
         _ => {
             return Err(format!(
-                "the second pass isn't valid: answer `refused` with a message, \"pass\": 1 and, if they are known, \
-                 bytes of that pass's text; the program's reply is {}",
+                "the second pass isn't valid: answer `refused` with a message and \"pass\": 1, and name no \"bytes\" \
+                 outside of that pass's text; the program's reply is {}",
                 shown(&reply)
             )
             .into());

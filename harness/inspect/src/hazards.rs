@@ -810,7 +810,7 @@ impl Hazard {
                 Some("needs other inputs".to_owned())
             }
             (Class::Requirement, []) => {
-                Some("needs other inputs: Karat changed one input at a time, and no change avoids the hazard".to_owned())
+                Some("needs other inputs: changing only one input isn't enough".to_owned())
             }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,

@@ -173,8 +173,8 @@ pub enum MutateError {
     /// The program `preprocess` prints the modules from their files, so the program would never read mutants, which
     /// exist only in memory.
     #[error(
-        "the program `preprocess` in karat.toml prints modules from their files, so the program can't read mutants, which \
-         exist only in memory: run `karat mutate` on a folder with the program's output"
+        "the program `preprocess` in karat.toml reads modules from files, but mutants exist only in memory: \
+         run `karat mutate` on a folder with the program's output"
     )]
     Printed,
     /// `karat.toml` accepts mutants without a reason, without ids, twice, or with an id that no mutant has.
@@ -485,7 +485,7 @@ impl Request {
                     "the only tests are frames ({frames}), which need a driver: add --paths vulkan"
                 ),
             };
-            return Err(MutateError::NoTest(format!("no test could kill a mutant: {why}")));
+            return Err(MutateError::NoTest(format!("there is no test to run: {why}")));
         }
         Ok((judges, frames.len()))
     }

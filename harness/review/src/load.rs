@@ -98,7 +98,7 @@ impl Case {
         let verdict = match (&unreadable, &actual_provenance.finding) {
             (Some(error), _) => format!("the golden can't be used: {error}"),
             _ if known != actual_provenance.compared_with => {
-                "the golden changed since these values were made: run the test of the values again"
+                "the golden changed since these values were computed: run their test again"
                     .to_owned()
             }
             (None, Some(finding)) => finding.verdict.clone(),

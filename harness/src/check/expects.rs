@@ -100,7 +100,7 @@ impl Kept<'_> {
             }
             Wanted::Within => {
                 format!(
-                    "{actual}, expected {expected} within {first} times the larger of both absolute values, or within {second}"
+                    "{actual}, expected {expected} within {first} times the larger of the two absolute values, or within {second}"
                 )
             }
             Wanted::Finite => format!("{actual}, expected a finite value"),

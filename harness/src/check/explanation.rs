@@ -61,10 +61,10 @@ impl Session<'_> {
                 let text = one_line(&text);
                 match bound.is_reordered() {
                     true => format!(
-                        ": `{text}` ({span}) has bounds in the written order, but WGSL (15.7.5) also \
-                         allows an order that overflows or divides by a value too near to 0"
+                        ": as written, `{text}` ({span}) has bounds, but WGSL (15.7.5) also allows \
+                         another order of the operations, which overflows or divides by a value too near to 0"
                     ),
-                    false => format!(": it sets no bounds for `{text}` ({span})"),
+                    false => format!(": no bounds exist for `{text}` ({span})"),
                 }
             });
             lines.push(("WGSL", format!("allows anything{cause}")));
@@ -74,10 +74,10 @@ impl Session<'_> {
         let inside = |x: f64| least <= x && x <= most;
         let allowed = bound.allows(actual);
         let said = match (allowed, inside(expected)) {
-            (true, true) => "; the test's tolerance is stricter",
-            (true, false) => "; the reference lies outside: this code computes something else",
-            (false, true) => "; this path's result lies outside",
-            (false, false) => "; the result and the reference lie outside",
+            (true, true) => "; the test's tolerance is stricter than WGSL's bounds",
+            (true, false) => "; the reference isn't allowed: this code computes something else",
+            (false, true) => "; this path's result isn't allowed",
+            (false, false) => "; the result and the reference aren't allowed",
         };
         let width = width(least, most);
         lines.push(("WGSL", format!("allows {}{width}{said}", interval(bound))));
@@ -115,7 +115,7 @@ impl Session<'_> {
         }
         let place = &witness.place();
         Some(format!(
-            "all let-bindings are within WGSL's bounds, but the value that `{}` returns isn't ({place})",
+            "all let-bindings are within WGSL's bounds, but `{}` returns a value outside of these bounds ({place})",
             self.called.function().name
         ))
     }

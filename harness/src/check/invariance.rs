@@ -145,7 +145,7 @@ fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mu
 }
 
 /// The note that a report of `scales_under` prints beside the returned value.
-const SCALED: &str = "returned for the arguments with a prime; expected: the result for the arguments without a prime, times the factor";
+const SCALED: &str = "returned for the arguments with a prime ('); expected: the result for the arguments without a prime, times the factor";
 
 impl Plan<'_> {
     pub(super) fn is_invariant(

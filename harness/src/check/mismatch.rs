@@ -57,8 +57,8 @@ pub enum Mismatch {
     Accepted(String, &'static str),
     /// A tolerance has an unusable bound.
     #[error(
-        "has the tolerance {tolerance}, but {bound:e} can't be a bound: use a number of at least 0 that an \
-         error can exceed"
+        "has the tolerance {tolerance}, but {bound:e} can't be a bound: use a number of at least 0, small \
+         enough that some results fail"
     )]
     Bound {
         /// The tolerance.
@@ -96,7 +96,7 @@ pub enum Mismatch {
         nearest: Option<String>,
     },
     /// The check selects a parameter by its index, but the function has fewer parameters.
-    #[error("has {}, so there is no argument {place} (arguments count from 0)",
+    #[error("has {}, so there is no argument {place} (arguments are counted from 0)",
         counted(*count, "parameter"))]
     NoPlace {
         /// The number of the function's parameters.

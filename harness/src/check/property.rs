@@ -11,7 +11,7 @@ use crate::judge::{Judged, Shown, tally};
 
 /// The note that a report prints beside the returned value of verbs that call the function a second time with changed
 /// arguments. The report marks the changed arguments with a prime.
-pub(super) const PRIMED: &str = "returned for the arguments with a prime; expected: the result for the arguments without a prime";
+pub(super) const PRIMED: &str = "returned for the arguments with a prime ('); expected: the result for the arguments without a prime";
 
 /// The parts of a failing case that a report shows.
 pub(super) struct Exhibit {

@@ -40,7 +40,7 @@ pub enum Vacuous {
         case: u64,
     },
     /// A replay selects a simpler value that doesn't exist.
-    #[error("no longer has the simpler value that the steps of KARAT_CASE select")]
+    #[error("no longer has the simpler value that KARAT_CASE selects")]
     NoSuchStep,
     /// A replay supplies more or fewer words of arguments than a case has.
     #[error("has cases of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
@@ -61,8 +61,8 @@ pub enum Vacuous {
     /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the tolerance after `or` judged
     /// every case.
     #[error(
-        "has no case in which WGSL's bounds are narrow enough for the test: use only the \
-         tolerance after `or`"
+        "has no case in which WGSL's bounds are narrow enough for the test: use `x` \
+         instead of `Spec.or(x)`"
     )]
     Ungranted,
     /// A transformation changes no argument of any case.

@@ -74,8 +74,8 @@ impl fmt::Display for Violations {
         }
         match self.messages.len().saturating_sub(SHOWN) {
             0 => {}
-            1 => write!(f, "\n\n1 more violation of these passes")?,
-            more => write!(f, "\n\n{more} more violations of these passes")?,
+            1 => write!(f, "\n\n1 more violation in these passes")?,
+            more => write!(f, "\n\n{more} more violations in these passes")?,
         }
         write!(f, "\n  replay: {}", self.replay)
     }

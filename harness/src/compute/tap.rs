@@ -75,7 +75,7 @@ impl Compute<'_> {
         if bytes > MOST_BYTES {
             let (place, text) = (found.0.place(), found.0.text.clone());
             let why = format!(
-                "a value in {invocations} invocations, and their values need a buffer of more than {MOST_BYTES} bytes"
+                "computed in {invocations} invocations, which need a buffer of more than {MOST_BYTES} bytes"
             );
             return Err(TapError::Untold { place, text, why });
         }

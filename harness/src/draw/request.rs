@@ -109,7 +109,7 @@ impl Draw {
     pub fn vertices(vertex: &str, fragment: &str, count: u32) -> Self {
         assert!(
             count > 0 && count.is_multiple_of(3),
-            "{count} vertices can't form triangles: use a multiple of 3, of at least 3"
+            "{count} vertices can't form triangles: use a positive multiple of 3"
         );
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(count))
     }

@@ -37,8 +37,8 @@ pub(super) fn prepare<'e>(
     let Call { probed, fixtures, cases } = *call;
     let form = &probed.function().form;
     if form.fragment {
-        let message = "the function takes derivatives, or discards and writes, so it runs only on drawn \
-                       pixels: use one of wgpu's drivers or Karat's engine, such as the paths `vulkan` and `cpu`";
+        let message = "the function takes derivatives, or discards pixels and writes memory, so it runs only \
+                       on drawn pixels: use one of wgpu's drivers or Karat's engine, such as the paths `vulkan` and `cpu`";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = KernelJobs::new(probed, fixtures)?;

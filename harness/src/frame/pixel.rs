@@ -252,8 +252,8 @@ fn quad(
         )
     });
     let alone = (probed.function().form.alone && own != 0).then(|| {
-        "the function writes storage, so the engine runs the function for this pixel only, and computes derivatives in a quad that \
-         begins at this pixel"
+        "the function writes storage, so the engine traces this pixel as the upper left pixel of a quad, whose other \
+         pixels are helper invocations"
             .to_owned()
     });
     (quad, notes.into_iter().chain(alone).collect())

@@ -233,7 +233,7 @@ fn a_project_renders_its_own_frames() {
     let message = "error: the gallery has no frame `x*`; its frames are flat, dark/sky\n";
     project.render("", &["flat", "x*", "--out", "none"]).gives(2, "", message);
     let message =
-        "error: no frame is named: name a frame, or use --first or --all; the frames are\n";
+        "error: no frame is selected: name a frame, or use --first or --all; the frames are\n";
     project.render("", &[]).gives(2, "", &format!("{message}{list}"));
     let foreign = if cfg!(target_os = "macos") { "dx12" } else { "metal" };
     project

@@ -1031,7 +1031,7 @@ mod planted {
         assert!(ran.out.contains("INVALID") && !ran.out.contains("known"), "{ran:?}");
         let xml = std::fs::read_to_string(folder.path().join("m.xml")).expect("it is written");
         assert!(
-            xml.contains("the row is declared not to reach `agrees`, but fails at an earlier step"),
+            xml.contains("the row fails at an earlier step than `agrees`, the step in its"),
             "{xml}"
         );
         let file = ["--shaders", "shaders/maths.wgsl", "--only", "blend"];

@@ -121,7 +121,8 @@ impl DeviceSpec {
 /// use karat::{Abs, Rel, Spec};
 ///
 /// let spec_tolerance = Spec.needing(Rel(1e-2)).or(Abs(1e-6));
-/// assert_eq!(spec_tolerance.to_string(), "what WGSL allows if this range is within rel 1e-2, or else abs 1e-6");
+/// let text = "what WGSL allows if all allowed results are within rel 1e-2 of the reference, or else abs 1e-6";
+/// assert_eq!(spec_tolerance.to_string(), text);
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
@@ -177,7 +178,7 @@ impl fmt::Display for SpecTolerance {
         f.write_str(if self.measured { "what this adapter allows" } else { "what WGSL allows" })?;
         match &self.need {
             Tolerance::Rel(need) if *need == NEED => {}
-            need => write!(f, " if this range is within {need}")?,
+            need => write!(f, " if all allowed results are within {need} of the reference")?,
         }
         match &self.otherwise {
             Some(tolerance) => write!(f, ", or else {tolerance}"),

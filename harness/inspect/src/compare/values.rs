@@ -25,7 +25,7 @@ pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool
     let shown = changed.iter().take(4).map(one).collect::<Vec<_>>().join(", ");
     match changed.len().saturating_sub(4) {
         0 => shown,
-        more => format!("{shown} and {more} more of {} numbers", scalars.len()),
+        more => format!("{shown} and {more} more (of {} numbers)", scalars.len()),
     }
 }
 
@@ -168,7 +168,7 @@ mod tests {
         };
         assert_eq!(of(1, 17), "[0] = 1");
         assert_eq!(of(4, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4");
-        assert_eq!(of(5, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4 and 1 more of 17 numbers");
+        assert_eq!(of(5, 17), "[0] = 1, [1] = 2, [2] = 3, [3] = 4 and 1 more (of 17 numbers)");
         assert!(of(1, 16).contains("1, 0, 0"), "fewer are shown whole: {}", of(1, 16));
     }
 }

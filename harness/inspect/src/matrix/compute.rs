@@ -248,7 +248,7 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
             // An order in which the pass doesn't end proves nothing. Without the results of the usual order, no
             // comparison is possible.
             if run.order.is_none() {
-                return Err("the pass doesn't end in Karat's engine".to_owned());
+                return Err("the pass doesn't end when Karat's engine runs it".to_owned());
             }
             continue;
         };

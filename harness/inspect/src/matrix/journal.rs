@@ -86,7 +86,7 @@ impl Journal {
             cell.stopped = Some(match index == blamed {
                 true => Stop::Broke(last.why.clone()),
                 false => Stop::NotRun(format!(
-                    "Karat doesn't run the row here, because the row ended an earlier process on `{on}`: {}",
+                    "Karat doesn't run the row here, because an earlier process ended while the row ran on `{on}`: {}",
                     last.why
                 )),
             });

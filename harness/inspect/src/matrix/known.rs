@@ -158,7 +158,7 @@ impl Matrix {
             for (head, cell) in self.columns.iter().zip(&row.cells) {
                 let why = match (&cell.known, &cell.stopped) {
                     (Some(known), Some(stop)) if cell.contradicts() && stop.is_wrong() => format!(
-                        "the row reaches `{}`, although a declaration excludes this status, and fails at a later step: {}",
+                        "the row reaches `{}`, which a declaration excludes, and fails at a later step: {}",
                         known.status,
                         stop.text()
                     ),
@@ -170,7 +170,7 @@ impl Matrix {
                     }
                     _ if cell.fails_as_declared().is_some() => continue,
                     (Some(known), Some(stop)) if stop.is_wrong() => format!(
-                        "the row is declared not to reach `{}`, but fails at an earlier step: {}",
+                        "the row fails at an earlier step than `{}`, the step in its declaration: {}",
                         known.status,
                         stop.text()
                     ),

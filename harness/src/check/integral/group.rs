@@ -163,7 +163,7 @@ impl Group {
                 let expected = case.expected[lane];
                 let reason = format!(
                     "gives {value} with {} nodes and {control} with {nodes} nodes (a difference of \
-                     {doubt}, and {expected} is {}), so there is no verdict: use more rings, or your \
+                     {doubt}; {expected} is {}), so there is no verdict: use more rings, or your \
                      own rule with `.integral(...)`",
                     case.own,
                     assertion.stated(),
