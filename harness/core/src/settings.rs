@@ -21,7 +21,7 @@ const VARIABLES: [(&str, &str); 17] = [
         PATHS,
         "paths on which checks run, such as `vulkan`, `vulkan,gl`, `gl@llvmpipe` or `all` (default: the first path that opens, or `cpu` if no driver opens)",
     ),
-    (REQUIRE, "paths that must run: a list such as `vulkan,gl`; `all` has no effect (none)"),
+    (REQUIRE, "paths that must run: a list such as `vulkan,gl`, without `all` (none)"),
     (
         EXECUTORS,
         "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between programs. Each program is a path, `process@NAME` (none)",

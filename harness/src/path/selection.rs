@@ -183,12 +183,13 @@ pub fn programs() -> Result<Vec<Path>, PathError> {
 /// The word in a list that stands for all paths of [`Path::ALL`] that open on this machine.
 const ALL: &str = "all";
 
-/// Returns the paths in a list, without the word `all`. Each path may occur only once.
+/// Returns the paths in a list, without the word `all`, which `KARAT_REQUIRE` can't contain. Each path may occur only
+/// once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
     let (mut paths, mut all) = (Vec::new(), false);
     for name in names.split(',').map(str::trim) {
-        if name == ALL {
+        if name == ALL && variable != "KARAT_REQUIRE" {
             if std::mem::replace(&mut all, true) {
                 return Err(repeated(ALL.to_owned()));
             }
@@ -222,6 +223,8 @@ mod tests {
             let error = names(wrong).expect_err(wrong).to_string();
             assert!(error.starts_with(message), "{error}");
         }
+        let all = list("KARAT_REQUIRE", "gl,all").expect_err("names no path").to_string();
+        assert!(all.starts_with("there is no execution path `all`"), "{all}");
         for (paths, required) in
             [(Some("cpu"), None), (None, Some("cpu")), (Some(" cpu"), Some("cpu"))]
         {
