@@ -25,8 +25,8 @@ use crate::scalar::{File, Scalar};
 /// first-level cache.
 const LANES: usize = 256;
 
-/// The number of cases from which the engine runs twice as many cases together. It then decodes operations less often,
-/// and all cores are still busy.
+/// The smallest number of cases for which the engine runs twice as many cases together. It then decodes operations less
+/// often, and all cores are still busy.
 const MANY: usize = 16_384;
 
 /// The largest number of registers of a program: twice as many as the largest variable may need. With this number of

@@ -9,8 +9,8 @@
 //! The engine runs invocations in lockstep, so a race doesn't change the results. The detector therefore stores, for
 //! each element, the accesses with which a later access could race:
 //!
-//! - the last write, and the last write by another invocation than that one. An access by any invocation can then be
-//!   compared with a write by a different invocation;
+//! - the last write, and the last write by a different invocation. So for each access, the detector has a write by
+//!   another invocation, if there was one;
 //! - the last write by an earlier workgroup;
 //! - the last write of a value that differs from the last written value, to distinguish equal writes from unequal
 //!   writes;
