@@ -34,7 +34,7 @@ const MANY: usize = 16_384;
 const MOST_REGISTERS: u32 = 1 << 15;
 
 /// The number of lanes is a multiple of this number. For fewer than [`LANES`] cases, it is the number of cases, rounded
-/// up. 16 lanes are two AVX vectors.
+/// up to a multiple. 16 lanes are two AVX vectors.
 const STEP: usize = 16;
 
 /// A lowered function or entry point.
@@ -320,7 +320,7 @@ impl Program {
         }
     }
 
-    /// Checks that this arithmetic has a rule for each operation of the program.
+    /// Checks that arithmetic `A` has a rule for each operation of the program.
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {

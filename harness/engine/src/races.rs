@@ -350,7 +350,7 @@ pub(crate) struct Detector {
     /// The numbers of barriers that the workgroup has passed: barriers for workgroup memory, for storage, and for
     /// textures.
     epochs: [u32; 3],
-    /// The number of the first lane that runs at the moment, counted in its workgroup.
+    /// The number, within the workgroup, of the first of the lanes that run at the moment.
     base: u32,
     /// For each kind of barrier in `epochs`, `true` if invocations wait at such a barrier.
     waiting: [bool; 3],

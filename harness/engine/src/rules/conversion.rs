@@ -341,7 +341,7 @@ fn words(x: u32) -> [u16; 2] {
     [x as u16, (x >> 16) as u16]
 }
 
-/// Returns the range of all words, because packing may round up or down, so all bits of the result are unknown.
+/// Returns the range of all words: packing may round up or down, so the bits of the result are unknown.
 fn packed<const N: usize>(_: [Interval; N]) -> Range {
     Range::full(false)
 }

@@ -13,7 +13,7 @@ pub struct Particle {
     pub velocity: [f32; 2],
 }
 
-/// The text of the shader, which the program contains.
+/// The text of the shader, compiled into the program.
 pub const SHADER: &str = include_str!("../shaders/particles.wgsl");
 
 /// Moves particles for this number of seconds, on the first adapter. Returns `None` if there is no adapter, or if the

@@ -414,8 +414,8 @@ mod tests {
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
 
-    /// Each pixel has the same results before and after the edit. The violation is between pixels that write the same
-    /// element.
+    /// The comparison reports a race between pixels that write the same element, although the edit changes the colour
+    /// of no pixel.
     #[test]
     fn a_new_race_between_pixels_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
