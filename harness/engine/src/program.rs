@@ -20,20 +20,21 @@ use crate::results::Results;
 use crate::runs::Runs;
 use crate::scalar::{File, Scalar};
 
-/// The number of lanes of a chunk. A column of floats then has 1 KiB, so about thirty columns fit into a first-level
-/// cache. For 256 cases, the engine decodes each operation only once.
+/// The number of cases that the engine runs together, which is the number of lanes of a register. The engine decodes
+/// each operation once for all of these cases. A register of floats needs 1 KiB, so about thirty registers fit into a
+/// first-level cache.
 const LANES: usize = 256;
 
-/// With this number of cases or more, chunks are twice as wide. The engine then decodes operations less often, and all
-/// cores are still busy.
+/// The smallest number of cases for which the engine runs twice as many cases together. It then decodes operations less
+/// often, and all cores are still busy.
 const MANY: usize = 16_384;
 
 /// The largest number of registers of a program: twice as many as the largest variable may need. With this number of
 /// registers, a thread needs 32 MiB for floats, or 64 MiB if there are at least [`MANY`] cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
-/// If there are few cases, the number of lanes is the number of cases, rounded up to a multiple of this number. 16
-/// lanes are two AVX vectors.
+/// The number of lanes is a multiple of this number. For fewer than [`LANES`] cases, it is the number of cases, rounded
+/// up to a multiple. 16 lanes are two AVX vectors.
 const STEP: usize = 16;
 
 /// A lowered function or entry point.
@@ -48,7 +49,8 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// If the engine can't execute the function. The error names the first construct that it can't execute.
+    /// Returns an error if the engine can't execute the function. The error names the first construct that it can't
+    /// execute.
     pub fn function(
         module: &Module,
         info: &ModuleInfo,
@@ -72,7 +74,8 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// If the engine can't execute the entry point. The error names the first construct that it can't execute.
+    /// Returns an error if the engine can't execute the entry point. The error names the first construct that it can't
+    /// execute.
     pub fn entry_point(
         module: &Module,
         info: &ModuleInfo,
@@ -120,8 +123,7 @@ impl Program {
         self.code.results.iter().map(|(_, scalar)| *scalar).collect()
     }
 
-    /// The positions of the program's operations in the source. An operation that causes an unbounded interval has one
-    /// of these sites.
+    /// The positions of the program's operations in the source.
     #[must_use]
     pub fn sites(&self) -> &[Site] {
         &self.code.sites
@@ -134,7 +136,7 @@ impl Program {
         all.map(|one| &self.code.sites[one.site as usize])
     }
 
-    /// The site at which an interval that this program computed became unbounded.
+    /// The site of the operation that made `interval`, a result of this program, unbounded.
     #[must_use]
     pub fn cause(&self, interval: crate::Interval) -> Option<&Site> {
         self.code.sites.get(interval.cause()? as usize)
@@ -181,7 +183,8 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// If the rows are incomplete, if a resource is missing, or if a case runs too many loop iterations.
+    /// Returns an error if the rows are incomplete, if a resource is missing, or if a case runs too many loop
+    /// iterations.
     pub fn call<A: Runs>(
         &self,
         cases: usize,
@@ -193,12 +196,12 @@ impl Program {
         A::call(self, &Call { cases, rows, to: None, resources, options }, observer)
     }
 
-    /// Calls the function in intervals. The interval of an argument begins at the argument's value in `rows` and ends
-    /// at its value in `to`.
+    /// Calls the function in interval arithmetic. The interval of an argument begins at the argument's value in `rows`
+    /// and ends at its value in `to`.
     ///
     /// # Errors
     ///
-    /// The same as for [`call`](Self::call).
+    /// Returns the same errors as [`call`](Self::call).
     pub fn call_between(
         &self,
         cases: usize,
@@ -317,7 +320,7 @@ impl Program {
         }
     }
 
-    /// Checks that this arithmetic has a rule for each operation of the program.
+    /// Checks that arithmetic `A` has a rule for each operation of the program.
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {
@@ -376,7 +379,7 @@ impl Program {
 pub struct Call<'c> {
     pub(crate) cases: usize,
     pub(crate) rows: &'c [u32],
-    /// If the call is in intervals: the upper ends of the arguments' intervals. `rows` has the lower ends.
+    /// The upper ends of the arguments' intervals, for a call in interval arithmetic. `rows` has the lower ends.
     pub(crate) to: Option<&'c [u32]>,
     pub(crate) resources: &'c Resources,
     pub(crate) options: &'c Options,

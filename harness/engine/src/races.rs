@@ -2,15 +2,15 @@
 //! accesses.
 //!
 //! WGSL orders few accesses (15.4 *Memory model*, 17.11 *Synchronization built-in functions*). A barrier orders the
-//! accesses of its workgroup to one address space: `workgroupBarrier` orders those to workgroup memory,
-//! `storageBarrier` those to storage buffers. Nothing orders two workgroups of a dispatch. Atomic accesses don't race
-//! with each other, and WGSL has no other way to access an atomic.
+//! accesses of one workgroup to one address space: `workgroupBarrier` orders the accesses to workgroup memory, and
+//! `storageBarrier` orders the accesses to storage buffers. Nothing orders two workgroups of a dispatch. Atomic
+//! accesses don't race with each other, and WGSL has no other way to access an atomic.
 //!
 //! The engine runs invocations in lockstep, so a race doesn't change the results. The detector therefore stores, for
 //! each element, the accesses with which a later access could race:
 //!
-//! - the last write, and the last write by any other invocation. If an invocation other than the current one has
-//!   written since the last barrier, one of the two writes is by such an invocation;
+//! - the last write, and the last write by a different invocation. So for each access, the detector has a write by
+//!   another invocation, if there was one;
 //! - the last write by an earlier workgroup;
 //! - the last write of a value that differs from the last written value, to distinguish equal writes from unequal
 //!   writes;
@@ -79,9 +79,9 @@ pub struct Race {
     pub first: Access,
     /// The other access.
     pub second: Access,
-    /// `true` if both invocations are in one workgroup. Then a barrier could order them.
+    /// `true` if both invocations are in one workgroup. A barrier could then order the two accesses.
     pub one_workgroup: bool,
-    /// The number of elements with a race between the same two accesses, including this element.
+    /// The number of elements, including this one, on which the same two lines of the source race.
     pub elements: u64,
 }
 
@@ -143,7 +143,7 @@ pub enum Bounds {
     Wrapped,
 }
 
-/// The indices of one operation that are outside of their array.
+/// An operation with indices outside of its array.
 #[derive(Clone, Debug)]
 pub struct Outside {
     /// The operation.
@@ -156,7 +156,8 @@ pub struct Outside {
     pub writes: bool,
     /// The kind of object that the indices are outside of.
     pub bounds: Bounds,
-    /// The buffer, workgroup variable or texture with the array. `None` for a variable of the invocation.
+    /// The texture, or the buffer or workgroup variable that contains the array. `None` for a variable of the
+    /// invocation.
     pub variable: Option<String>,
     /// `true` if the array is inside another array or a structure.
     pub nested: bool,
@@ -349,9 +350,9 @@ pub(crate) struct Detector {
     /// The numbers of barriers that the workgroup has passed: barriers for workgroup memory, for storage, and for
     /// textures.
     epochs: [u32; 3],
-    /// The number of the first lane that runs at the moment, counted in its workgroup.
+    /// The number, within the workgroup, of the first of the lanes that run at the moment.
     base: u32,
-    /// For each of these kinds of barriers, `true` if invocations wait at one.
+    /// For each kind of barrier in `epochs`, `true` if invocations wait at such a barrier.
     waiting: [bool; 3],
     buffers: Vec<Shadow>,
     textures: Vec<Shadow>,
@@ -459,14 +460,14 @@ impl Detector {
         self.invocation(self.first + self.base + lane as u32)
     }
 
-    /// Continues with the lanes of the workgroup from lane `base` on.
+    /// Tells the detector that the lanes that run next begin at lane `base` of the workgroup.
     pub(crate) fn goes_on(&mut self, base: usize) {
         self.base = base as u32;
     }
 
-    /// Lets all invocations of the workgroup that haven't ended continue after a barrier. `held` has the first
-    /// invocation of each machine that waits at a barrier, with the barrier's site. Each machine runs `lanes`
-    /// invocations.
+    /// Notes that all invocations of the workgroup have reached a barrier or ended, and continue. Each unit runs
+    /// `lanes` invocations side by side. `held` has the first invocation of each waiting unit, with the site of its
+    /// barrier.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));
@@ -593,7 +594,8 @@ impl Detector {
         self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
-    /// Notes a read or a write of a buffer's element. Returns `true` if the current workgroup was the last to write it.
+    /// Notes a read or a write of a buffer's element. Returns `true` if the current workgroup made the last write to
+    /// the element.
     #[inline]
     pub(crate) fn buffer(
         &mut self,

@@ -69,7 +69,7 @@ impl<A: Arithmetic> Results<A> {
     ///
     /// # Panics
     ///
-    /// If the case doesn't exist.
+    /// Panics if the case doesn't exist.
     #[must_use]
     pub fn row(&self, case: usize) -> Vec<LaneOf<A>> {
         assert!(case < self.cases, "case {case} of {}", self.cases);

@@ -27,7 +27,7 @@ pub(crate) use trigonometry::Trigonometry;
 use crate::arithmetic::sealed::Rules;
 use crate::columns::Columns;
 
-/// A family of rules from floats to floats.
+/// Defines a family of rules from floats to floats.
 macro_rules! float_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal, $o:literal] $(= $math:ident)? {
@@ -82,8 +82,9 @@ macro_rules! float_rules {
 }
 pub(crate) use float_rules;
 
-/// A family of rules from integers to an integer. The last letter of a rule's name says if the result is signed (`I`)
-/// or unsigned (`U`). If a rule's range depends on the sign of its arguments, they have the type of the result.
+/// Defines a family of rules from integers to an integer. The last letter of a rule's name says if the result is signed
+/// (`I`) or unsigned (`U`). A `range` that holds only for signed or only for unsigned arguments assumes that the
+/// arguments have the type of the result.
 macro_rules! integer_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal $(= $math:ident)? {
@@ -233,7 +234,8 @@ mod tests {
             from_place(lo + i64::try_from(self.below((hi - lo + 1) as u64)).expect("32 bits"))
         }
 
-        /// A random interval: near a power of two, near 1, or anywhere. It is a point, narrow or wide.
+        /// A random interval: near a power of two, near 1, or anywhere. The interval may be a single number, narrow or
+        /// wide.
         fn interval(&mut self) -> Interval {
             let power = (self.below(9) as f32 - 4.0).exp2();
             let size = match self.below(4) {
@@ -276,8 +278,8 @@ mod tests {
         (0..outs as u32).map(|out| columns.get(out)[0]).collect()
     }
 
-    /// The bounds for a number from each argument's interval must lie within the bounds for the whole intervals.
-    /// Otherwise a result that WGSL allows could be outside of the bounds.
+    /// If each argument is a number from an interval, the bounds of the result must lie within the bounds for the whole
+    /// intervals. Otherwise a result that WGSL allows could be outside of the bounds.
     // Lesson 109
     #[test]
     fn wider_arguments_have_wider_results() {

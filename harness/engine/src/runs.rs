@@ -1,4 +1,5 @@
-//! Compiles the machine for each arithmetic in this crate, so that callers needn't compile it.
+//! Compiles the interpreter in this crate, once for each arithmetic, so that other crates needn't compile this generic
+//! code.
 
 use crate::arithmetic::{Arithmetic, F32, F64, Intervals};
 use crate::observer::Observer;

@@ -5,9 +5,9 @@ use std::collections::{BTreeSet, BinaryHeap, HashMap};
 
 use crate::explore::Step;
 
-/// An actor takes turns with the other actors of a dispatch. An actor is a unit (invocations of a workgroup that run
-/// side by side, operation by operation), or one pending store of a unit. In its turn, a unit runs to its next atomic
-/// or barrier, or to its end. In its turn, a pending store takes effect.
+/// One of the actors of a dispatch, which run in turns: a unit, or a pending store of a unit. A unit is a group of
+/// invocations of a workgroup that run side by side, operation by operation. In its turn, a unit runs to its next
+/// atomic or barrier, or to its end. In its turn, a pending store takes effect.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Actor {
     /// The number of the unit. Units are numbered workgroup after workgroup.
@@ -47,19 +47,21 @@ pub enum Stores {
 ///
 /// Each invocation runs to its next atomic. Then the invocation with the highest priority goes on. An invocation gets
 /// the lowest priority if it waits for others in a loop, or if it stalls: if it reaches an atomic that `stalls` lists.
-/// If a failure needs only a few switches between invocations, such orders find the failure with a known probability
-/// (Burckhardt et al. 2010, *A randomized scheduler with probabilistic guarantees of finding bugs*).
+/// If a failure needs only a few switches between invocations, random priorities with random stalls find the failure
+/// with a known probability (Burckhardt et al. 2010, *A randomized scheduler with probabilistic guarantees of finding
+/// bugs*).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Schedule {
     /// The rule that chooses the actor of the next turn.
     pub priorities: Priorities,
     /// The number of turns in which invocations may wait in loops before a waiting invocation gets the lowest priority.
-    /// A waiting loop may end even if no other invocation changes a word.
+    /// A loop that waits may end even if no other invocation changes a word, for example after a fixed number of
+    /// iterations.
     pub patience: u32,
     /// The invocations that stall, each with the number of its atomic before which it stalls. Atomics count from 1.
     pub stalls: Vec<(usize, u32)>,
-    /// The actors that get the first turns, in order, for example in an explored order. After these turns, `priorities`
-    /// decides.
+    /// The actors that get the first turns, one after another, for example as an [`Explorer`](crate::Explorer) chose
+    /// them. After these turns, `priorities` decides.
     pub turns: Vec<Actor>,
     /// The time at which atomic stores take effect.
     pub stores: Stores,
@@ -111,7 +113,8 @@ pub(crate) trait Turns {
     /// Announces that these units have passed a barrier: all their earlier turns come before all their later turns.
     fn joined(&mut self, units: std::ops::Range<u32>);
 
-    /// Checks if callers must pass the real next step to [`ready`](Self::ready).
+    /// Checks if [`ready`](Self::ready) needs the accesses of the actor's next step. If not, callers may pass a step
+    /// without accesses.
     fn asks(&self) -> bool {
         false
     }
@@ -126,8 +129,8 @@ pub(crate) struct ByPriority<'s> {
     /// The units that stall, each with the number of its atomic before which it stalls.
     stalls: Vec<(u32, u32)>,
     heap: BinaryHeap<(i64, Reverse<Actor>)>,
-    /// In an explored order, the actors whose next step has no effect that other actors see. Such a step doesn't count
-    /// as a turn.
+    /// If the schedule lists turns, the actors whose next step has no effect that other actors see. Such a step doesn't
+    /// count as a turn.
     eager: BTreeSet<Actor>,
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
@@ -141,7 +144,7 @@ pub(crate) struct ByPriority<'s> {
 }
 
 impl<'s> ByPriority<'s> {
-    /// Prepares the schedule for workgroups with `invocations` invocations, of which each unit has `lanes`.
+    /// Prepares the schedule. A workgroup has `invocations` invocations, and a unit has `lanes` invocations.
     pub(crate) fn new(schedule: &'s Schedule, invocations: usize, lanes: usize) -> Self {
         let units = invocations.div_ceil(lanes);
         let unit_of = |invocation: usize| {

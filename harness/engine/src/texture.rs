@@ -89,7 +89,7 @@ impl Texture {
     ///
     /// # Errors
     ///
-    /// If sizes and texels don't match.
+    /// Returns an error if sizes and texels don't match.
     pub fn new(
         dimension: Dimension,
         size: [u32; 3],
@@ -127,9 +127,9 @@ impl Texture {
         Ok(texture)
     }
 
-    /// Declares that the texture's format is normalised, such as `rgba8unorm`. WGSL defines the value as `v / 255`
-    /// (6.5.1), but doesn't say how exact it is. Karat uses the bounds of `unpack4x8unorm`, which computes the same
-    /// value.
+    /// Declares that the texture's format is normalised, such as `rgba8unorm`. WGSL defines the float for a byte `v` as
+    /// `v / 255` (6.5.1), but doesn't say how exact the float is. Karat uses the bounds of `unpack4x8unorm`, which
+    /// computes the same quotient.
     #[must_use]
     pub fn normalized(self) -> Self {
         Self { normalized: true, ..self }

@@ -35,7 +35,7 @@ pub struct RenderArguments {
     /// Values to print in place of the frame: see `karat tap`
     #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
     pub(super) tap: Option<Vec<String>>,
-    /// The number of the computation whose values to print, if a pixel computes the values several times
+    /// If a pixel computes the values several times, prints the values of the computation with this number
     #[arg(long, hide = true, value_name = "N", requires = "tap")]
     pub(super) round: Option<u32>,
     /// Also draws the frame's colours
@@ -102,8 +102,8 @@ impl RenderArguments {
         self
     }
 
-    /// Returns arguments that print values of a frame, with the engine's values at some pixels. If there are no values,
-    /// the gallery lists the values of the frame.
+    /// Returns arguments that print values of a frame, with the engine's values at some pixels. If `values` is empty,
+    /// the gallery lists the names of the frame's values.
     #[must_use]
     pub fn tapping(
         frame: &str,

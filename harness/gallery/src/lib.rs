@@ -364,7 +364,7 @@ fn tapped<'e>(
 }
 
 impl Entry {
-    /// Describes the frame, and applies `make` to it.
+    /// Returns the result of `make` for the frame. A panic in the frame's code becomes an error.
     fn described<T>(
         &self,
         options: &RenderOptions,
@@ -399,7 +399,7 @@ fn output() -> PathBuf {
     build_output().join("karat/frames")
 }
 
-/// Makes the folder and tries to write into it, before rendering takes minutes.
+/// Makes the folder and tries to write into it, so that an unusable folder is reported before frames are rendered.
 fn prepare(folder: &FilePath) -> io::Result<()> {
     std::fs::create_dir_all(folder)?;
     let probe = folder.join(format!(".karat{}", std::process::id()));

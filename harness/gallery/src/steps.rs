@@ -4,7 +4,8 @@ use karat::unstable::trace::{Step, Value};
 use karat::unstable::value::format_f32;
 use serde::{Deserialize, Serialize};
 
-/// The relative difference between the `f32` and the `f64` value above which a value has lost half of its digits.
+/// The limit for the relative difference between the `f32` value and the `f64` value of an operation. Above this limit,
+/// the `f32` value has lost half of its digits.
 const LOST: f64 = 1.0 / 4096.0;
 
 /// The text in place of a missing value. For example, the call in `f64` may skip an operation that the call in `f32`

@@ -116,7 +116,7 @@ fn a_gallery_that_makes_no_sense_is_an_error() {
     }
 }
 
-/// A writer like a pipe that the reader has closed.
+/// A writer that fails like a closed pipe.
 struct Closed;
 
 impl Write for Closed {

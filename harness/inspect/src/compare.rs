@@ -807,7 +807,8 @@ enum Pair {
     /// A function that exists with the default features: its stage before and after the edit. `None` for a version
     /// without this function, and `Some(None)` if the function isn't an entry point.
     There(Option<Option<Stage>>, Option<Option<Stage>>),
-    /// An edited function that only exists, or that the edit only affects, with these features on.
+    /// An edited function that needs these features: without them, the function doesn't exist, or the edit doesn't
+    /// affect it.
     Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
     /// Changed overrides that no function uses.
     Overrides(Vec<String>),
@@ -819,7 +820,8 @@ enum Pair {
     Hidden(Vec<String>),
 }
 
-/// The features that include edited code, and for each package, those that the package's conditions use.
+/// The features that include edited code. `own` has, for each of the two packages, the features that the package's
+/// conditions use.
 #[derive(Debug)]
 struct Under {
     features: Vec<String>,
@@ -936,7 +938,8 @@ fn overrides_in(words: &[String]) -> Vec<&[String]> {
     begins.map(whole).collect()
 }
 
-/// Records that a version ran in the engine. If no run has succeeded, keeps the reason why the first run failed.
+/// Records the outcome of a version's run in the engine. If no run has succeeded, keeps the reason why the first run
+/// failed.
 fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
     if one.is_ok() || measured.is_none() {
         *measured = Some(one);
@@ -1011,8 +1014,8 @@ impl PathChange {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
 
-    /// Adds the change of the function's results with other contents of the buffers. Keeps the case that shows the
-    /// change more clearly.
+    /// Merges this change with the change that the function shows for other contents of the buffers. Keeps the case
+    /// that shows the change more clearly.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
@@ -1113,8 +1116,8 @@ mod tests {
         assert_eq!(ways("x > 3u", "3u < x"), []);
     }
 
-    /// The comparison reports an edit that removes the guard of an index, even if the results stay the same: the engine
-    /// reads the last element for an index outside of the array, and so does the guard.
+    /// The comparison reports an edit that removes the guard of an index. In this test, such an edit changes no result:
+    /// for an index outside of the array, the engine reads the last element, as the guarded code does.
     #[test]
     fn a_new_index_out_of_bounds_is_reported() {
         let of = |value: &str| {
@@ -1699,7 +1702,7 @@ mod tests {
         assert_eq!(lost, ["`q` at @group(0) @binding(3) is no longer used"]);
     }
 
-    /// An edit may rename a structure and its members, and reorder the members.
+    /// If an edit renames a structure or a member, or reorders the members, the results still count as the same.
     #[test]
     fn structures_are_compared_by_their_members() {
         let text = "struct Tmp { a: f32, b: vec2f }

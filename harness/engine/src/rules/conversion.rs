@@ -4,7 +4,7 @@ use crate::arithmetic::{FromIntRule, MixedRule, ToIntRule, sealed::Rules};
 use crate::columns::Columns;
 use crate::interval::{Interval, Range};
 
-/// A family of rules from floats to an integer.
+/// Defines a family of rules from floats to an integer.
 macro_rules! to_int_rules {
     ($family:ident { $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal {
         single: $single:expr, double: $double:expr, interval: $interval:expr $(,)?
@@ -52,7 +52,7 @@ macro_rules! to_int_rules {
     };
 }
 
-/// A family of rules from an integer to floats.
+/// Defines a family of rules from an integer to floats.
 macro_rules! from_int_rules {
     ($family:ident { $($(#[$doc:meta])* $name:ident [$o:literal] {
         single: $single:expr, double: $double:expr, interval: $interval:expr $(,)?
@@ -341,12 +341,12 @@ fn words(x: u32) -> [u16; 2] {
     [x as u16, (x >> 16) as u16]
 }
 
-/// Rounding may go up or down, so the bits of a packed interval are unknown.
+/// Returns the range of all words: packing may round up or down, so the bits of the result are unknown.
 fn packed<const N: usize>(_: [Interval; N]) -> Range {
     Range::full(false)
 }
 
-/// WGSL allows each component an error of 3 ulp.
+/// Unpacks the components of a word by `f`, each with the error of 3 ulp that WGSL allows.
 fn unpacked<const N: usize>(x: Range, f: impl Fn(u32) -> [f64; N]) -> [Interval; N] {
     let Some(word) = x.word() else {
         let most = Interval::normalized(1.0);

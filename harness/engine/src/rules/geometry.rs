@@ -1,6 +1,7 @@
 //! Rules for vectors and matrices that don't work component by component.
 //!
-//! Each size has its own rule, so each rule is one loop over all lanes.
+//! Each size of vector or matrix has its own rule, such as `Reflect2` and `Reflect3`. A rule is then a single loop over
+//! all lanes.
 
 use super::float_rules;
 use crate::interval::Interval;

@@ -20,7 +20,7 @@ pub enum Half {
     Ulps(u8),
     /// The result is the length of a vector with this number of components.
     Length(u8),
-    /// The error is at most 1 + 2 |x| ulp for the argument x.
+    /// For an argument x, the error is at most `1 + 2 abs(x)` ulp.
     Power,
     /// The error is at most 2^-7 for arguments in [0.5, 2], and 3 ulp for others.
     Logarithm,

@@ -55,7 +55,7 @@ float_rules! {
                 }]
             },
         }
-        /// The fraction of `frexp`. It is in [0.5, 1), or zero.
+        /// The fraction of `frexp`. Its magnitude is in [0.5, 1), or zero.
         Mantissa[1, 1] {
             single: |[x]| [libm::frexpf(x).0],
             double: |[x]| [libm::frexp(x).0],

@@ -64,8 +64,8 @@ float_rules! {
     }
 }
 
-/// The largest number for which the remainder modulo pi / 2 is exact enough if pi / 2 is the sum of two floats: 2^28 pi
-/// / 2, as in FreeBSD's `e_rem_pio2f.c`.
+/// The end of the range in which [`wave`] is accurate: 2^28 pi / 2, as in FreeBSD's `e_rem_pio2f.c`. For larger
+/// numbers, two floats don't represent pi / 2 exactly enough.
 const MEDIUM: f32 = f32::from_bits(0x4DC9_0FDB);
 
 /// The sine of a number plus `quarters` quarter turns, within 0.51 ulp. Like libm, the function uses the remainder and

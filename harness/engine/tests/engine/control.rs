@@ -1,4 +1,5 @@
-//! Compares control flow, in which cases take different branches, with the same loops in Rust.
+//! Compares WGSL's branches and loops with the same branches and loops in Rust. The cases of a call take different
+//! branches.
 
 use karat_engine::{F32, Options, Program, Resources, Settings};
 

@@ -1,4 +1,4 @@
-//! Compares the results of explored orders with those of all orders.
+//! Tests that the orders that the explorer chooses have the same results as all orders together.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -142,7 +142,7 @@ fn naive(atomics: &[Vec<Atomic>], late: bool) -> BTreeSet<Left> {
     all
 }
 
-/// The results of the explored orders, and the number of these orders.
+/// The results of the orders that the explorer chooses, and the number of these orders.
 fn explored(source: &str, groups: usize, stores: Stores) -> (BTreeSet<Left>, usize) {
     let (module, info) = module(source);
     let program = Program::entry_point(&module, &info, "main", &Settings::default());

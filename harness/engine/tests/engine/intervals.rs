@@ -134,7 +134,8 @@ fn the_cause_of_what_is_unbounded_has_a_line() {
     assert_eq!(site.function, "f");
 }
 
-/// In intervals, a read with an index outside of its array may return any number, although `f32` clamps the index.
+/// In interval arithmetic, a read with an index outside of its array may return any number. In `f32`, the engine clamps
+/// the index.
 #[test]
 fn reads_out_of_bounds_are_unbounded() {
     let source = "fn f(x: f32) -> f32 { var a = array(1.0, 2.0, 3.0); return a[i32(x)]; }";
@@ -300,7 +301,7 @@ fn every_decision_within_the_bounds_is_followed() {
     assert!(undecided > 50, "only {undecided}");
 }
 
-/// In half precision, only numbers below 2^-14 are subnormal.
+/// The square root may be 0 only if its argument is subnormal, which in half precision means below 2^-14.
 #[test]
 fn roots_of_halves_that_may_be_flushed_may_be_zero() {
     let source = "enable f16; fn f(x: f32) -> f32 { return f32(sqrt(f16(x))); }";

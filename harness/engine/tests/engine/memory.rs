@@ -298,8 +298,9 @@ fn subnormals_are_flushed_where_asked() {
     assert!(kept[0] > 0.9e-24 && kept[1] > 0.9e-22);
 }
 
-/// Tests flushing: "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to
-/// zero", and "other operations are required to preserve subnormal numbers" (15.7.2).
+/// Calls a function body in a mode that flushes subnormal numbers: "Any inputs or outputs of operations listed in
+/// 15.7.4 Floating Point Accuracy may be flushed to zero", and "other operations are required to preserve subnormal
+/// numbers" (15.7.2).
 fn flushed(body: &str) -> Vec<u32> {
     let source = format!(
         "@group(0) @binding(0) var<storage, read> data: array<f32, 3>;

@@ -264,9 +264,9 @@ type Index = (&'static str, fn(u32) -> u32);
 enum Statement {
     /// A barrier for workgroup memory, or for storage if `storage` is set.
     Barrier { storage: bool },
-    /// An access by the invocations whose number is less than `below`. They access workgroup memory, or, if `storage`
-    /// is set, a storage buffer: the elements of their own workgroup, or, if `shared` is set, those of the first
-    /// workgroup.
+    /// An access by the invocations whose number is less than `below`. They access workgroup memory, or a storage
+    /// buffer if `storage` is set. In a storage buffer, each workgroup has its own elements, but with `shared`, all
+    /// workgroups access the elements of the first workgroup.
     Access {
         below: u32,
         /// The only workgroup that makes the access. `None` if all workgroups make the access.
@@ -413,9 +413,9 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     })
 }
 
-/// The detector finds a race on a variable if and only if the naive detector finds one. It reports no race that the
-/// naive detector doesn't find. This is true for any order of invocations, because the accesses don't depend on the
-/// order.
+/// For each variable, the detector finds a race if and only if the naive detector finds one. Each race that the
+/// detector reports is among the races of the naive detector. The order of the invocations doesn't matter, because the
+/// accesses don't depend on it.
 // Lesson 215
 #[test]
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {

@@ -1,5 +1,6 @@
 //! Compares the results of random programs with those of a simple interpreter of syntax trees, case by case. If
-//! conditions are undecided in intervals, the bounds must contain the results for all combinations of decisions.
+//! interval arithmetic can't decide some conditions, the bounds must contain the results for all combinations of their
+//! values.
 
 use std::fmt::Write as _;
 
@@ -17,7 +18,7 @@ enum Expression {
 
 enum Condition {
     Less(Expression, Expression),
-    /// A condition that is undecided in intervals. In `f32`, the bit with this number in `bits` decides it.
+    /// A condition that interval arithmetic can't decide. In `f32`, its value is the bit with this number in `bits`.
     Open(u32),
 }
 

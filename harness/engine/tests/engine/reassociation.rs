@@ -356,9 +356,9 @@ fn is_narrow(bound: &Interval) -> bool {
 const PROGRAMS: usize = 2000;
 const CASES: usize = 16;
 
-/// Runs 2,000 programs in `f32`, each in four orders. Then computes each order again, with each operation rounded up or
-/// down. All results must be within the bounds. Bounds for all orders are wider than bounds for only the written order,
-/// but almost as many cases stay bounded.
+/// Runs 2,000 programs in `f32`, each in four orders. For each order, a Rust function also computes the result with
+/// each operation rounded up or down at random. All results must be within the bounds. Bounds for all orders are wider
+/// than bounds for only the written order, but almost as many cases stay bounded.
 // Lesson 168: each order of terms lies within the bound
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {

@@ -13,10 +13,11 @@ pub struct Particle {
     pub velocity: [f32; 2],
 }
 
-/// The text of the shader, which the program contains.
+/// The text of the shader, compiled into the program.
 pub const SHADER: &str = include_str!("../shaders/particles.wgsl");
 
-/// Moves particles by `seconds` on the first adapter. Returns `None` if there is no adapter, or if the run fails.
+/// Moves particles for this number of seconds, on the first adapter. Returns `None` if there is no adapter, or if the
+/// run fails.
 #[must_use]
 pub fn stepped(particles: &[Particle], seconds: f32) -> Option<Vec<Particle>> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());

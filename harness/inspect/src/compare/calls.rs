@@ -213,7 +213,7 @@ impl Made {
     }
 }
 
-/// Returns the members of buffers that affect a change: members for which another value changes the results of the
+/// Returns the members of buffers that affect a change: members for which another value changes the results for the
 /// arguments in `row`.
 fn matter(
     sides: [&Probed; 2],

@@ -152,8 +152,8 @@ fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     of(one).iter().any(|(attribute, lanes)| others.get(attribute).is_some_and(|of| of != lanes))
 }
 
-/// The names of the argument lanes, such as `in.uv.x`. With derivatives, an argument has the parts value, `dx` and
-/// `dy`.
+/// The names of the argument lanes, such as `in.uv.x`. An argument with derivatives has three parts: the value, and the
+/// derivatives `dx` and `dy`.
 fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let of = |(name, shape): &(String, Shape)| {
         let parts: Vec<(&str, &Shape)> = match shape.quad() {

@@ -221,8 +221,8 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// All indices outside of arrays, including indices that are outside only with arbitrary sizes and numbers. Such an
-    /// index can show that the edit removed a guard.
+    /// All indices outside of arrays, even if they are outside only for sizes or numbers that a host is unlikely to
+    /// use. Such an index can show that the edit removed a guard.
     of_indices: Vec<Violation>,
 }
 
@@ -247,8 +247,8 @@ impl Brought {
         }
     }
 
-    /// The violations to report. If something else shows the edit, indices that are outside only with arbitrary sizes
-    /// or numbers are left out.
+    /// The violations to report. If something else shows the edit, leaves out indices that are outside only for sizes
+    /// or numbers that a host is unlikely to use.
     fn told(self, is_changed: bool) -> Vec<Violation> {
         if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
     }
@@ -414,8 +414,8 @@ mod tests {
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
 
-    /// Each pixel has the same results before and after the edit. The violation is between pixels that write the same
-    /// element.
+    /// The comparison reports a race between pixels that write the same element, although the edit changes the colour
+    /// of no pixel.
     #[test]
     fn a_new_race_between_pixels_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -445,7 +445,8 @@ mod tests {
         }
     }
 
-    /// The numbers in the buffer are positions in a list. Only one of the generated sets of numbers repeats a number.
+    /// The comparison reports a race that occurs with only one of the generated buffers, in which two numbers are
+    /// equal. The numbers are positions in a list.
     #[test]
     fn a_violation_with_one_content_is_reported() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
@@ -566,7 +567,8 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// If Karat finds nothing else, it reports an index that is outside of an array for arbitrary numbers.
+    /// An index may be outside of an array only for numbers that a host is unlikely to use. Karat reports such an index
+    /// only if nothing else shows the edit.
     #[test]
     fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;
@@ -593,7 +595,8 @@ mod tests {
         assert_eq!(paths[0].before, words[0]);
     }
 
-    /// If all numbers of the host are valid indices, removing a guard changes no result.
+    /// The comparison reports an edit that removes the guard of an index, although the results are the same for all
+    /// valid indices.
     #[test]
     fn a_removed_guard_is_reported() {
         let text = GATHER;
@@ -612,8 +615,9 @@ mod tests {
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// Atomics don't race, so the sanitizer reports no violation. In the engine's usual order, invocations run in
-    /// lockstep, so the counts are right even without a barrier.
+    /// The comparison reports a removed barrier whose effect shows only in another order. Atomics don't race, so the
+    /// sanitizer reports no violation. In the engine's usual order, invocations run in lockstep, so the counts are
+    /// right even without the barrier.
     #[test]
     fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {
