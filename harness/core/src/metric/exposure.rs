@@ -79,8 +79,8 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// The number of exposures that FLIP compares: one for each stop of the range, including both ends, and at least
-    /// two.
+    /// The number of exposures that FLIP compares: the width of the range in stops, rounded up, and at least two. The
+    /// two ends of the range are the first and the last of these exposures.
     ///
     /// ```
     /// use karat::unstable::metric::ExposureRange;

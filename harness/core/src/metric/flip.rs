@@ -136,8 +136,8 @@ impl Flip {
 
     /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops. The exposure is low
     /// for a difference in highlights, and high for a difference in shadows. If several exposures have the largest
-    /// error, the map has the darkest of these. The possible exposures are those of [`Pair::exposures`], one for each
-    /// stop, and those that `map` adds for very bright or very dark pixels.
+    /// error, the map has the darkest of these. The possible exposures are those of [`Pair::exposures`], and those that
+    /// `map` adds for very bright or very dark pixels.
     ///
     /// ```
     /// use karat::Image;
