@@ -58,8 +58,8 @@ pub trait Metric: fmt::Debug + Send + Sync {
     /// The metric's name in messages: `largest FLIP tile`.
     fn name(&self) -> String;
 
-    /// Measures the difference of the pair. Outside the mask, the pair has replaced the frame's pixels with the golden's.
-    /// A metric that computes a mean must leave these pixels out (see [`Pair::is_compared`]).
+    /// Measures the difference of the pair. Outside the mask, the pair has replaced the frame's pixels with the
+    /// golden's. A metric that computes a mean must leave these pixels out (see [`Pair::is_compared`]).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
     /// The largest difference that the metric can measure. A tolerance with a bound of at least this size would pass
