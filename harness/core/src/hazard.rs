@@ -13,7 +13,7 @@ pub enum Kind {
     OutOfRange,
     /// An index is inside its array only because a sum or a product wrapped around.
     Wrapped,
-    /// An unsigned difference goes below 0, and is converted to a float.
+    /// An unsigned subtraction wraps around below 0, and its result is converted to a float.
     BelowZero,
     /// Two accesses of the same element have no defined order, and at least one is a write.
     Race,

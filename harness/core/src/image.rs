@@ -76,7 +76,7 @@ impl Image {
     /// ```
     ///
     /// # Panics
-    /// If the number of pixels isn't `width * height`.
+    /// Panics if the number of pixels isn't `width * height`.
     #[must_use]
     pub fn new(width: u32, height: u32, pixels: Vec<[f32; 4]>) -> Self {
         let expected = width as usize * height as usize;

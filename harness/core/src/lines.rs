@@ -92,7 +92,7 @@ pub struct Lines {
     from: Receiver<String>,
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
-    /// A channel that disconnects when the thread that reads the process's log reaches the log's end.
+    /// A channel that disconnects when the process's log has been read to its end.
     silent: Receiver<()>,
 }
 

@@ -1,8 +1,8 @@
 //! Metrics: numbers that measure the difference between a frame and its golden.
 //!
-//! A [`Pair`] is a golden and a frame of the same size. All pixels of both images are finite. Pixels outside a [`Mask`]
-//! are equal in both images. A [`Metric`] computes one number for the pair. The frame's tolerance has a bound for this
-//! number. NaN fails under every bound.
+//! A [`Pair`] is a golden and a frame of the same size. All pixels of both images are finite. Outside a [`Mask`], the
+//! pair replaces the frame's pixels with the golden's. A [`Metric`] computes one number for the pair. The frame's
+//! tolerance has a bound for this number. NaN fails under every bound.
 //!
 //! [`Gate`] measures the difference of each channel, and allows no outliers. [`Flip`] measures the difference that a
 //! person would see. [`Noise`] compares the difference with the noise of the two images.
@@ -58,8 +58,8 @@ pub trait Metric: fmt::Debug + Send + Sync {
     /// The metric's name in messages: `largest FLIP tile`.
     fn name(&self) -> String;
 
-    /// Measures the difference of the pair. Pixels outside the mask are equal in both images. A metric that computes a
-    /// mean must leave these pixels out (see [`Pair::is_compared`]).
+    /// Measures the difference of the pair. Outside the mask, the pair has replaced the frame's pixels with the
+    /// golden's. A metric that computes a mean must leave these pixels out (see [`Pair::is_compared`]).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
     /// The largest difference that the metric can measure. A tolerance with a bound of at least this size would pass

@@ -1,9 +1,9 @@
 //! Writes text for people. The text can't send commands to a terminal. If the program that reads the output ends early,
-//! as in `karat test | head`, the command still does its work.
+//! as `head` does, the command still does its work.
 //!
-//! Karat doesn't trust the names of files and drivers, and the texts of shaders. So Karat escapes every character, as
-//! in `\u{1b}`, except for printable characters, line ends and tabs. Karat's own colours stay: a random number, which
-//! only this process knows, marks each [`Style`].
+//! Karat doesn't trust the names of files and drivers or the texts of shaders. So Karat escapes every character, as in
+//! `\u{1b}`, except for printable characters, line ends and tabs. Karat's own colours stay: a random number, which only
+//! this process knows, marks each [`Style`].
 
 use std::borrow::Cow;
 use std::fmt;
@@ -186,7 +186,7 @@ fn styled(text: &str) -> String {
 ///
 /// Writing never fails. If the program that reads the output closes the stream, the rest of the text is dropped. So a
 /// command does the same work and has the same exit code as if all its output were read. [`finish`](Self::finish)
-/// returns any other error.
+/// returns an error if the stream failed, but not if it was closed.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     inner: W,
@@ -282,7 +282,7 @@ impl<W: Write> Drop for Output<W> {
     }
 }
 
-/// Writes a message that isn't a command's result to standard error. If standard error is closed, the text is lost.
+/// Writes a message to standard error. If standard error is closed, the text is lost.
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
     // Writing to an `Output` never fails.

@@ -92,8 +92,8 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     }
 }
 
-/// Runs code inside of [`caught`] whose panics [`caught`] must not catch, such as a closure of a test. A panic of this
-/// code reaches the caller of [`caught`] with its usual message.
+/// Runs `work`, such as a closure of a test, so that [`caught`] doesn't catch its panics. A panic of `work` reaches the
+/// caller of [`caught`] with its usual message.
 pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     if !CAUGHT.replace(false) {
         return work();

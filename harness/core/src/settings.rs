@@ -91,7 +91,7 @@ const COVERAGE: &str = "KARAT_COVERAGE";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
-/// The largest allowed value of `KARAT_SCHEDULES`. The engine runs each pass in each order, so such a run takes hours.
+/// The largest allowed value of `KARAT_SCHEDULES`. With so many orders for each pass, a run takes hours.
 const MOST_SCHEDULES: u64 = 1 << 16;
 
 /// The default limit for the loop iterations of a case: far more than a fast shader needs for a pixel. The engine runs
@@ -142,7 +142,7 @@ pub struct Settings {
     pub frames: bool,
 }
 
-/// The case that a replay runs. If the replay command names no check, every check runs its case with this number.
+/// The case that a replay runs. If the replay command names no check, every check runs its case with the index `case`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct SelectedCase {

@@ -36,7 +36,7 @@ const ROUNDING: f64 = 1.0 + 1e-12;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ulp(pub f64);
 
-/// Relative error: `|result - reference| <= bound * |reference|`.
+/// Relative error: `abs(result - reference) <= bound * abs(reference)`.
 ///
 /// ```
 /// use karat::{Rel, Tolerance};
@@ -48,7 +48,7 @@ pub struct Ulp(pub f64);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rel(pub f64);
 
-/// Absolute error: `|result - reference| <= bound`.
+/// Absolute error: `abs(result - reference) <= bound`.
 ///
 /// ```
 /// use karat::{Abs, Tolerance};
@@ -76,8 +76,8 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// Limits the distance between the result and the reference, in `f32` steps. Below `band`, each step counts as
-    /// large as at `band`.
+    /// Limits the distance between the result and the reference, in `f32` steps. Below `band`, all steps are as large
+    /// as the step at `band`.
     Ulp {
         /// The largest distance that passes.
         bound: f64,
@@ -348,8 +348,8 @@ impl Tolerance {
     }
 
     /// Sets the size of the steps in which ulps near zero are counted: below `magnitude`, all steps are as large as the
-    /// steps at `magnitude`. The result of a function that subtracts values of this magnitude can't be more exact.
-    /// Bounds in other units stay unchanged.
+    /// steps at `magnitude`. The result of a function that subtracts values of this magnitude can't be more exact than
+    /// these steps. Bounds in other units stay unchanged.
     ///
     /// ```
     /// use karat::{Abs, Ulp};
@@ -389,7 +389,7 @@ impl Tolerance {
         }
     }
 
-    /// The first unusable bound: NaN, a negative bound, or a bound that even the two most distant `f32` don't exceed.
+    /// The first unusable bound: NaN, a negative bound, or a bound so large that every finite result passes.
     #[doc(hidden)]
     pub fn unusable(&self) -> Option<f64> {
         // The largest bounds: the distance from the smallest to the largest number, the largest quotient of two
@@ -443,7 +443,7 @@ impl Tolerance {
     /// ```
     ///
     /// # Panics
-    /// If `words` or `expected` has fewer elements than `scalars`.
+    /// Panics if `words` or `expected` has fewer elements than `scalars`.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     #[must_use]

@@ -1,10 +1,10 @@
 //! Ties components of a tuple to each other.
 //!
 //! Many functions fail if two arguments are related: two equal directions have no angle between them, and two opposite
-//! directions have no half vector. If Karat sampled each component independently, only edges would be related. So some
-//! samples replace one component by a value made from another component of the same type: an equal value, the opposite
-//! value, or a value close to the equal or the opposite value. If the component's own domain doesn't have this value,
-//! the component keeps its sampled value.
+//! directions have no half vector. If Karat sampled each component independently, two arguments would be related only
+//! at the edges of their domains. So some samples replace one component by a value made from another component of the
+//! same type: an equal value, the opposite value, or a value close to the equal or the opposite value. If the
+//! component's own domain doesn't have this value, the component keeps its sampled value.
 
 use std::any::{Any, TypeId};
 
@@ -27,8 +27,9 @@ pub(super) struct Tie {
     /// The component that is replaced.
     pub(super) to: usize,
     relation: Relation,
-    /// The random numbers from which the component `from` was sampled. If the domain of `to` is mapped, it can't check
-    /// if it has a given value. For an equal value, Karat then samples `to` from the same random numbers.
+    /// The random numbers from which the component `from` was sampled. A mapped domain can't check if it has a given
+    /// value. So if the domain of `to` is mapped, Karat makes an equal value by sampling `to` from the same random
+    /// numbers.
     start: Source,
     place: Source,
 }
@@ -131,8 +132,8 @@ impl Tie {
     }
 
     /// The value that the tie makes from the simplified value `from`. A mapped domain can't check if it has this value.
-    /// For such a domain, the function returns `simpler` if the tie is an equality: this is the component's own simpler
-    /// value at the same index.
+    /// So if the domain is mapped and the tie is an equality, the function returns the argument `simpler`: the value to
+    /// which the component itself would be simplified.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,

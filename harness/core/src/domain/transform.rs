@@ -22,8 +22,9 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// `None` if matrices of this size don't transform points. Only square matrices, and matrices of 3 by 4 or 4 by 3,
-    /// transform points. If `perspective` is `true`, one of the edges of 4 by 4 matrices is a perspective projection.
+    /// Makes a `Transform` for matrices of this size. `None` if such matrices don't transform points. Only square
+    /// matrices, and matrices of 3 by 4 or 4 by 3, transform points. If `perspective` is `true`, one of the edges of 4
+    /// by 4 matrices is a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
         // A matrix of three columns and four rows is the transpose of a matrix of four columns and three rows.
@@ -31,7 +32,7 @@ impl Transform {
         is_known.then_some(Self { columns, rows, perspective })
     }
 
-    /// The words of a three-dimensional transform, without the columns and rows that a smaller matrix doesn't have.
+    /// The matrix `whole` as words, cut to the transform's columns and rows.
     fn words(&self, whole: DMat4) -> Vec<u32> {
         let whole = if (self.columns, self.rows) == (3, 4) { whole.transpose() } else { whole };
         let column = |at: usize| {

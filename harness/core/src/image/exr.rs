@@ -99,7 +99,8 @@ impl Part {
 }
 
 impl ExrFile {
-    /// The primaries of ITU-R BT.709 with the white point D65. `OpenEXR` files without primaries have these.
+    /// The primaries of ITU-R BT.709 with the white point D65. An `OpenEXR` file that states no primaries uses these
+    /// primaries.
     pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
     /// Reads all parts that contain colours or greys. The function skips other parts (depth, normals).
@@ -254,7 +255,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`ExrFile::read`].
+    /// The same errors as for [`ExrFile::read`].
     pub fn read_exr(path: &Path) -> Result<(Self, Option<String>), ImageError> {
         let bytes = bytes(path)?;
         let (image, metadata) = ExrFile::decode_first(&bytes)
@@ -274,7 +275,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`ExrFile::write`].
+    /// The same errors as for [`ExrFile::write`].
     pub fn write_exr(
         &self,
         path: &Path,

@@ -43,7 +43,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`read`](Self::read).
+    /// The same errors as for [`read`](Self::read).
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn read_stored(path: &Path) -> Result<Self, ImageError> {

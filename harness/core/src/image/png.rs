@@ -9,7 +9,7 @@ pub(super) use self::read::decode;
 use super::{Image, ImageError, encode_srgb};
 use crate::diagnostic::shown;
 
-/// Middle grey: the linear value with which a preview shows the key of its image.
+/// Middle grey: the linear value at which a preview shows the mean luminance of its image ([`Image::key`]).
 const MIDDLE_GREY: f32 = 0.18;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,8 +21,8 @@ pub(super) enum Samples {
 }
 
 impl Image {
-    /// Writes an 8-bit sRGB PNG as a preview. The exposure maps the image's key to middle grey. Highlights are
-    /// compressed (Reinhard et al. 2002, eq. 3). Pixels with NaN become magenta, pixels with infinities yellow.
+    /// Writes an 8-bit sRGB PNG as a preview. The exposure maps the image's mean luminance to middle grey. Highlights
+    /// are compressed (Reinhard et al. 2002, eq. 3). Pixels with NaN become magenta, pixels with infinities yellow.
     ///
     /// ```no_run
     /// use karat::Image;

@@ -33,7 +33,7 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
 /// Appends a line to a file in a folder. The file's name is the id of this process, with the extension `ending`.
 ///
 /// # Panics
-/// If the line can't be written.
+/// Panics if the line can't be written.
 #[doc(hidden)]
 pub fn append_line(folder: &Path, ending: &str, line: &str) {
     let path = folder.join(format!("{}.{ending}", std::process::id()));
@@ -46,7 +46,8 @@ pub fn append_line(folder: &Path, ending: &str, line: &str) {
     }
 }
 
-/// A file that was written under a temporary name, and not renamed yet. Dropping this value then removes the file.
+/// A file that was written under a temporary name, and not renamed yet. If this value is dropped before the file is
+/// renamed, the file is removed.
 ///
 /// The temporary file stays locked while this value exists, so [`is_leftover`] returns `false` for the file.
 #[derive(Debug)]
@@ -113,7 +114,7 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
 }
 
 /// Checks if a file is a leftover: a temporary file for a golden, a frame or its provenance, whose writer ended before
-/// it renamed the file. Karat gives no other files such names.
+/// it renamed the file. A leftover has a name such as `sky.exr.1234-0.tmp`, which Karat gives to no other files.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;

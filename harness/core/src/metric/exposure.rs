@@ -26,8 +26,8 @@ pub struct ExposureRange {
     pub stop: f64,
 }
 
-/// The linear value that the tone curve of [`Flip`](super::Flip) maps to 0.85. It is the larger root of a quadratic
-/// function, which is the tone curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
+/// The linear value that the tone curve of [`Flip`](super::Flip) maps to 0.85. It is the positive root of the quadratic
+/// equation `curve(x) = 0.85`. The curve is ACES (Narkowicz 2016), scaled by 0.6.
 const NEAR_WHITE: f64 = {
     let a = 0.6 * 0.6 * (2.51 - 0.85 * 2.43);
     let b = 0.6 * (0.03 - 0.85 * 0.59);
@@ -44,8 +44,8 @@ const NEAR_WHITE: f64 = {
 /// The width of the widest range, in stops. Such a range covers all normal, positive half floats.
 const WIDEST: f64 = 32.0;
 
-/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. No exposure may have
-/// a larger absolute value than this number, either: its factor would overflow a float.
+/// The largest number of exposures that `flip-rs` compares. This number is also the limit for an exposure's absolute
+/// value in stops, because the factor of a larger exposure would overflow a float.
 const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {
@@ -79,8 +79,8 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// The number of exposures that FLIP compares: one for each stop of the range, including both ends, and at least
-    /// two.
+    /// The number of exposures that FLIP compares: the width of the range in stops, rounded up, and at least two. The
+    /// two ends of the range are the first and the last of these exposures.
     ///
     /// ```
     /// use karat::unstable::metric::ExposureRange;
@@ -94,15 +94,15 @@ impl ExposureRange {
         count
     }
 
-    /// The exposures below this range, in whole stops, down to the first exposure at which a display shows the given
-    /// luminance at 85 % of white or less. `None` if this range has such an exposure.
+    /// A range of darker exposures for a pixel that is too bright for this range. At the darkest exposure of the new
+    /// range, a display shows `luminance` at 85 % of white or less. `None` if this range already has such an exposure.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
-    /// The exposures above this range, up to the first exposure at which a display shows the given luminance at 85 % of
-    /// white or more. `None` if this range has such an exposure.
+    /// A range of brighter exposures for a pixel that is too dark for this range. At the brightest exposure of the new
+    /// range, a display shows `luminance` at 85 % of white or more. `None` if this range already has such an exposure.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })

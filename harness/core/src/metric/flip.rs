@@ -73,7 +73,7 @@ pub enum FlipFailure {
          clamp the value in the shader, or compare only by the gate"
     )]
     Exposures {
-        /// The largest colour component of this pixel in the golden and the frame.
+        /// The pixel's largest colour component, in the golden or in the frame.
         light: f32,
         /// The column of the pixel.
         x: u32,
@@ -111,7 +111,7 @@ impl Flip {
     /// [`Gate::default`] allows, and all pixels whose errors depend on them. FLIP for the whole frame would give the
     /// same errors, bit for bit. If a differing pixel is too bright for the golden's exposures, FLIP also uses darker
     /// exposures. If a differing pixel is too dark, FLIP also uses brighter exposures. To choose these exposures, FLIP
-    /// treats pixels that are darker than 1e-4 of the golden's key as if they had this brightness.
+    /// treats pixels that are darker than 1e-4 of the golden's mean luminance as if they had this brightness.
     ///
     /// ```
     /// use karat::Image;
@@ -126,7 +126,8 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If alpha or a negative value differs, which FLIP ignores, or if FLIP can't compute the errors.
+    /// If FLIP can't compute the errors, or if alpha or a negative value differs: FLIP ignores alpha and negative
+    /// values.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
@@ -135,8 +136,8 @@ impl Flip {
 
     /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops. The exposure is low
     /// for a difference in highlights, and high for a difference in shadows. If several exposures have the largest
-    /// error, the map has the darkest of these. The possible exposures are those of [`Pair::exposures`], one for each
-    /// stop, and those that `map` adds for very bright or very dark pixels.
+    /// error, the map has the darkest of these. The possible exposures are those of [`Pair::exposures`], and those that
+    /// `map` adds for very bright or very dark pixels.
     ///
     /// ```
     /// use karat::Image;
@@ -151,7 +152,7 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`map`](Self::map).
+    /// The same errors as for [`map`](Self::map).
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn exposures(&self, pair: &Pair<'_>) -> Result<ExposureMap, FlipFailure> {
@@ -263,9 +264,9 @@ pub(super) struct Worst {
 struct Off {
     /// The first column, the first row, the last column and the last row.
     bounds: [u32; 4],
-    /// The largest component of the brightest of these pixels, and the pixel's index.
+    /// The largest component of the brightest differing pixel, and the pixel's index.
     brightest: (f32, usize),
-    /// The largest component of the dimmest of these pixels, and the pixel's index.
+    /// The largest component of the dimmest differing pixel, and the pixel's index.
     dimmest: (f32, usize),
 }
 

@@ -35,8 +35,8 @@ const CLEAR: f32 = 0.01;
 pub struct Gate {
     /// The largest allowed difference, divided by the golden's value.
     pub relative: f32,
-    /// The difference that is always allowed, even for a dark golden. `None` means `relative` times 1e-4 of the
-    /// golden's key for colours, and `relative` times 0.01 for alpha.
+    /// The difference that is always allowed, even for a dark golden. `None` means, for colours, `relative` times 1e-4
+    /// of the golden's logarithmic mean luminance, and for alpha, `relative` times 0.01.
     pub absolute: Option<f32>,
 }
 

@@ -3,22 +3,23 @@
 //! Two runs of a path tracer give different pixels, because of noise. The means of tiles differ much less. How much
 //! they may differ follows from the variances of both images (Welch's z). Tiles have several sizes, from 16 pixels to
 //! the whole frame: small tiles show small faults, and large tiles show faint faults. Neighbouring tiles overlap by
-//! half, so no fault is divided among four tiles. Sidak's correction divides the significance level among the tests of
-//! all tiles.
+//! half, so at least one tile contains most of a small fault. Sidak's correction divides the significance level among
+//! the tests of all tiles.
 //!
 //! An error of some per cent of the light matters as much in dark regions as in bright regions, but the noise of bright
 //! regions would hide the error of dark ones. So each pixel's difference is divided by the brightness of the pixel's
 //! neighbours. Karat doesn't divide by the pixel's own brightness, because the weight would then depend on the pixel's
-//! own noise. If the golden and the frame have different numbers of samples, this would favour one of them.
+//! own noise. Such a weight would favour the golden or the frame if one of them has more samples.
 //!
 //! If pixels only change places, as in a shifted texture, the means of tiles don't change. So a second test, a
 //! chi-square test, compares the squared differences in a tile with the variances. A few pixels may have most of the
 //! variance, so the test uses an effective number of pixels as its degrees of freedom.
 //!
-//! The authors measured this test with a scene of three decades of light, 640 x 360 pixels and 64 samples per pixel. If
-//! 2 % of the frame is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 renderings fails.
-//! Without the weights and the overlap, only 43 % of the faulty renderings would fail. If each pixel were tested
-//! separately, with 0.25 % of outliers allowed, no faulty rendering would fail.
+//! The authors measured this test with a scene of 640 x 360 pixels and 64 samples per pixel, in which the brightest
+//! pixel has over 1000 times the light of the darkest one. If 2 % of the frame is 5 % too bright, 199 of 200 renderings
+//! fail. With only noise, none of 200 renderings fails. Without the weights and the overlap, only 43 % of the faulty
+//! renderings would fail. If each pixel were tested separately, with 0.25 % of outliers allowed, no faulty rendering
+//! would fail.
 //!
 //! The test assumes that the noise of different pixels is independent. Each channel is tested separately, because a
 //! wrong hue may have the right luminance.
@@ -46,9 +47,9 @@ const SIGNIFICANCE: f64 = 0.01;
 /// because its variances are estimates from few samples, which aren't normally distributed.
 const SCATTER: f64 = 2.0;
 
-/// The brightness, as a share of the golden's key, that is added to the brightness of the neighbours before the
-/// division. If the key is middle grey, this is 6 of a screen's 255 steps. Without this addition, hardly visible noise
-/// in black regions would outweigh other differences.
+/// The brightness that [`Surroundings::weight`] adds to the brightness of the neighbours, as a share of the golden's
+/// mean luminance. If the mean luminance is middle grey, the added brightness is 6 of a screen's 255 steps. Without
+/// this addition, hardly visible noise in black regions would outweigh other differences.
 const BLACK: f64 = 0.01;
 
 /// A metric for noisy images. Its value is the larger of two ratios, and a frame passes if the value is at most 1. The

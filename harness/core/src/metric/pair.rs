@@ -36,7 +36,7 @@ pub struct Pair<'a> {
     mask: Option<Vec<bool>>,
     compared: usize,
     different: Vec<Range<usize>>,
-    /// The largest difference of any channel, divided by the golden's value.
+    /// The largest relative difference of any channel: the difference divided by the golden's value.
     largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
@@ -327,12 +327,13 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The largest difference of any channel, divided by the golden's value, even if this value is dark.
+    /// The largest relative difference of any channel: the difference divided by the golden's value, however small this
+    /// value is.
     pub(super) fn largest_relative(&self) -> f32 {
         self.largest_relative
     }
 
-    /// The golden's key, computed once. See [`relative::key`].
+    /// The logarithmic mean of the golden's luminance, computed once. See [`relative::key`].
     pub(super) fn key(&self) -> f32 {
         *self.key.get_or_init(|| relative::key(&self.compared_pixels()))
     }
@@ -363,8 +364,8 @@ fn same_size(golden: &Image, actual: &Image) -> Result<(), PairError> {
     Err(PairError::Size { golden: size(golden), actual: size(actual) })
 }
 
-/// Adds 0 to each lane of `start`, or NaN if a value of this channel isn't finite. The function has no branches, and
-/// processes four channels at once.
+/// Adds 0 or NaN to each lane of `start`: NaN if a pixel's value in this lane isn't finite. The function has no
+/// branches, and processes four channels at once.
 fn vanishing(pixels: &[[f32; 4]], start: Vec4) -> Vec4 {
     pixels.iter().fold(start, |sum, pixel| sum + Vec4::from_array(*pixel) * 0.0)
 }

@@ -4,9 +4,9 @@ use glam::Vec4;
 
 use crate::image::luminance;
 
-/// The share of the golden's key below which a channel counts as dark. The allowed difference of a dark channel is the
-/// same as if the channel had this share of the key. If the key is middle grey on a screen, this share is 1/180 of an
-/// 8-bit step. So black pixels with rounding noise pass, and dark regions of a frame are still compared.
+/// The share of the golden's mean luminance below which a channel counts as dark. A dark channel may differ by as much
+/// as a channel with exactly this brightness. If the mean luminance is middle grey, this brightness is 1/17 of an 8-bit
+/// sRGB step. So black pixels with rounding noise pass, and dark regions of a frame are still compared.
 pub(super) const DARK: f32 = 1e-4;
 
 /// The difference of each channel divided by the allowed difference. Equal values have the ratio 0, even if the
@@ -18,9 +18,9 @@ pub(super) fn ratio(golden: [f32; 4], actual: [f32; 4], relative: Vec4, floor: V
     Vec4::select(difference.cmpeq(Vec4::ZERO), Vec4::ZERO, ratio)
 }
 
-/// The logarithmic mean of luminance, as in [`Image::key`](crate::Image::key). A logarithm for each pixel would take
-/// half of the time. So the function multiplies eight luminances, and takes the logarithm of their product. The
-/// product's exponent fits in an `f64`.
+/// The logarithmic mean of luminance, as in [`Image::key`](crate::Image::key). To save time, the function multiplies
+/// eight luminances and takes the logarithm of their product, instead of eight logarithms. The product's exponent fits
+/// in an `f64`.
 pub(super) fn key(pixels: &[[f32; 4]]) -> f32 {
     let (mut sum, mut count) = (0.0, 0_u32);
     for pixels in pixels.chunks(8) {

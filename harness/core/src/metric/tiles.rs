@@ -25,9 +25,9 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// The possible ends of the colour scale in a picture of errors: the error with the brightest colour. The scale of
-/// other tools always ends at 1, so they show small errors as black. For large errors, Karat's scale also ends at 1, so
-/// the pictures are comparable. Errors below 0.001 are invisible to people, so no scale ends below 0.001.
+/// The errors at which the colour scale of a picture of errors can end. The error at the end has the brightest colour.
+/// The scale of other tools always ends at 1, so they show small errors as black. For large errors, Karat's scale also
+/// ends at 1, so the pictures are comparable. Errors below 0.001 are invisible to people, so no scale ends below 0.001.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {
@@ -42,7 +42,7 @@ impl ErrorMap {
     /// ```
     ///
     /// # Panics
-    /// If the number of errors differs from the number of pixels in the rectangle.
+    /// Panics if the number of errors differs from the number of pixels in the rectangle.
     #[must_use]
     pub fn new(rect: Rect, values: Vec<f32>) -> Self {
         let expected = rect.width as usize * rect.height as usize;
@@ -158,9 +158,9 @@ impl ErrorMap {
         (0.0 + counted.map(|(_, _, value)| value).sum::<f64>()) / pair.compared_count() as f64
     }
 
-    /// The [`TILE`] with the largest mean error of its compared pixels, and this mean. Neighbouring tiles overlap by
-    /// half, so no small fault is divided among four tiles. A tile at the edge of the frame has fewer pixels. A mean of
-    /// NaN counts as the largest.
+    /// The largest mean error of a tile's compared pixels, and the rectangle of this tile. Neighbouring tiles overlap
+    /// by half, so at least one tile contains most of a small fault. A tile at the edge of the frame has fewer pixels.
+    /// A mean of NaN counts as the largest.
     ///
     /// ```
     /// use karat::Image;

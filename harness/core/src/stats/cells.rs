@@ -67,7 +67,7 @@ impl Cells {
     }
 
     /// The index of the cell that contains the position `at`. If rounding moved the position beyond an end of the
-    /// support, the position counts to the cell at that end.
+    /// support, the position belongs to the cell at that end.
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
@@ -83,7 +83,7 @@ impl Cells {
     /// The rectangle that a cell covers.
     ///
     /// # Panics
-    /// If `cell` isn't the index of a cell.
+    /// Panics if `cell` isn't the index of a cell.
     #[must_use]
     pub fn rectangle(&self, cell: usize) -> Rectangle {
         let row = self.offsets.partition_point(|offset| *offset <= cell) - 1;
@@ -98,7 +98,7 @@ impl Cells {
     /// on both sides become twice as wide with each step away from this part.
     ///
     /// # Panics
-    /// If `cell` isn't the index of a cell.
+    /// Panics if `cell` isn't the index of a cell.
     #[must_use]
     pub fn parts(&self, cell: usize) -> Vec<Rectangle> {
         let Rectangle { low, high } = self.rectangle(cell);
@@ -120,8 +120,8 @@ impl Cells {
     }
 }
 
-/// The largest gap between two samples, as a share of the range, that may be a single step between neighbouring `f32`.
-/// Beside such a gap, even a correct sampler gives equal samples.
+/// The largest gap between two different samples, as a share of the range, that may come from rounding to `f32`. If
+/// samples are this dense, rounding makes some of them equal, even if the sampler is correct.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The bounds that divide values into `parts` parts with about the same number of values. If a bound would separate

@@ -10,8 +10,8 @@ const FEWEST: u64 = 100;
 const PER_SKEWNESS: f64 = 25.0;
 
 /// The count, mean, variance and skewness of a stream of numbers (Welford 1962). You can divide a stream into parts and
-/// merge the moments of the parts (Chan et al. 1983, Pebay 2008). Except for rounding, every division gives the same
-/// result.
+/// merge the moments of the parts (Chan et al. 1983, Pebay 2008). However you divide the stream, the result is the same
+/// except for rounding.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: u64,
@@ -85,8 +85,8 @@ pub struct Mean {
     pub mean: f64,
     /// The standard error of the mean.
     pub error: f64,
-    /// The difference between the means beyond the slack, in standard errors. It is 0 if the slack covers the
-    /// difference.
+    /// The difference between the mean and the expected mean, minus the slack, in standard errors. It is 0 if the slack
+    /// covers the difference.
     pub z: f64,
     /// The probability that chance causes a difference at least as large as `z`.
     pub p: f64,
@@ -98,8 +98,9 @@ impl Mean {
     /// because of their rounding.
     ///
     /// # Errors
-    /// If there are fewer than 100 samples, or if a number isn't finite. Also if the mean differs from the expected
-    /// mean, but the samples don't show its standard error: a few of the samples decide the mean, or all samples are 0.
+    /// If there are fewer than 100 samples, if a number isn't finite, or if the slack is negative. The result is also
+    /// an error if the mean differs from the expected mean, but its standard error can't be estimated because a few
+    /// samples dominate the mean, or because all samples are 0.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {

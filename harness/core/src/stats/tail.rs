@@ -90,7 +90,7 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
 }
 
 /// The probability that the number of successes in `trials` trials is at least as far from the expected number as
-/// `successes`. As is usual for this test, the result is twice the smaller tail of the binomial distribution.
+/// `successes`. As is usual for a binomial test, the result is twice the smaller tail of the binomial distribution.
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {

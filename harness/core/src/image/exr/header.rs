@@ -1,7 +1,8 @@
 //! Reads the header of an OpenEXR file, and checks it against the file's length and Karat's limits.
 //!
-//! Karat doesn't use the header reader of the `exr` crate for two reasons. That reader reserves the memory that a
-//! header announces before it checks the rest of the header, and it doesn't return the position of the chunk tables.
+//! Karat has its own header reader, because the header reader of the `exr` crate reserves the memory that a header
+//! announces before it checks the rest of the header. The crate's reader also doesn't return the position of the chunk
+//! tables.
 
 mod bytes;
 
@@ -42,7 +43,7 @@ impl Sample {
 pub(super) struct Channel {
     pub(super) name: String,
     pub(super) sample: Sample,
-    /// A flag of the format that tells lossy codecs how to quantise.
+    /// The channel's `pLinear` flag, which tells lossy codecs how to quantise the channel.
     pub(super) linear: bool,
 }
 

@@ -45,8 +45,8 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     Ok(Image::new(frame.width, frame.height, pixels))
 }
 
-/// Checks the same limits as for OpenEXR files. One limit compares the file's length with the uncompressed size of the
-/// pixels in the PNG's own format, not as floats.
+/// Checks the same limits as for OpenEXR files. For the limit [`LARGEST_RATIO`], the size of the pixels is their size
+/// in the PNG's own format, not their size as floats.
 fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {

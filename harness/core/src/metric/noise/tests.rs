@@ -141,7 +141,7 @@ fn pixels_that_changed_places_are_seen() {
     }
 }
 
-/// The metric also fails for differences of very large or small floats, and of pixels without neighbours.
+/// Differences count even between very large or very small floats, and at pixels without neighbours.
 #[test]
 fn extreme_and_isolated_pixels_count_in_the_noise_metric() {
     let flat = |size: (u32, u32), value: f32| {
