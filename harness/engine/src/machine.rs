@@ -656,10 +656,10 @@ impl<'p, A: Rules> Machine<'p, A> {
         if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
     }
 
-    /// Runs an operation on floats with `outs` result registers, and flushes the subnormal numbers that WGSL allows to
-    /// flush: "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero",
-    /// and "other operations are required to preserve subnormal numbers" (15.7.2). So the machine flushes computed
-    /// results. Values that are loaded, stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
+    /// Runs an operation on floats, and flushes its subnormal operands and results if the options ask for it. WGSL
+    /// says: "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and
+    /// "other operations are required to preserve subnormal numbers" (15.7.2). So values that are only loaded, stored,
+    /// selected, swizzled, passed, returned or reinterpreted keep their bits.
     fn flushing(&mut self, registers: &[u32], outs: usize, run: impl FnOnce(&mut Self)) {
         if !self.options.flush {
             return run(self);
