@@ -95,7 +95,7 @@ pub(crate) mod sealed {
     pub trait Rules: Copy + Debug + Send + Sync + 'static {
         /// The representation of a WGSL float of any width.
         type Float: Copy + Default + Debug + Send + Sync;
-        /// An `i32` or a `u32`.
+        /// The representation of an `i32` or a `u32`.
         type Int: Copy + Default + Debug + Send + Sync;
         /// A boolean. Masks consist of booleans, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;

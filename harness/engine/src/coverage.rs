@@ -413,7 +413,8 @@ impl Needed<'_> {
         &self.code.walks[walk as usize]
     }
 
-    /// The registers of the range in [`Code::pinned`] that contains the register at pool index `at`.
+    /// The registers of the range in [`Code::pinned`] that contains the register `pool[at]`. If there is no such range,
+    /// only this register.
     fn range(&self, file: crate::scalar::File, at: u32) -> impl Iterator<Item = usize> + use<> {
         let base = self.code.pool[at as usize];
         let is_own = |&&(pinned, first, count): &&(crate::scalar::File, u32, u32)| {

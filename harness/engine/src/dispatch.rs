@@ -1,6 +1,6 @@
-//! Runs entry points. A compute entry point runs in workgroups, whose invocations are the lanes of one chunk. A
-//! fragment entry point runs in tiles of pixels, which count as workgroups. The invocations that one machine runs in
-//! lockstep are a unit. Units take turns: in a turn, a unit runs to its next atomic or barrier, or to its end.
+//! Runs entry points. A compute entry point runs in workgroups, with a lane for each invocation. A fragment entry point
+//! runs in tiles of pixels, which count as workgroups. The invocations that one machine runs in lockstep are a unit.
+//! Units take turns: in a turn, a unit runs to its next atomic or barrier, or to its end.
 
 use std::collections::HashMap;
 use std::time::Instant;

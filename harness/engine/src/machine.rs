@@ -101,13 +101,15 @@ pub(crate) struct Machine<'p, A: Rules> {
     helpers: Vec<bool>,
     /// The detector of races between invocations, if the caller asked for it.
     pub(crate) detector: Option<Box<Detector>>,
-    /// `true` if the machine also stops before each atomic. `paused` is `true` while it is stopped there.
+    /// `true` if the machine stops before each atomic, and not only at barriers. `paused` is `true` while it is stopped
+    /// before an atomic.
     pub(crate) yields: bool,
     paused: bool,
     /// `true` if the machine continues after an atomic store before the store takes effect.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
-    /// The numbers of newly delayed stores, which `dispatch` takes. `numbered` counts all stores that were delayed.
+    /// The newly delayed stores, by number. `dispatch` empties this list. `numbered` counts all stores that were
+    /// delayed.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,
