@@ -36,7 +36,7 @@ pub use shareable::{Arguments, Shareable};
 pub enum Scalar {
     /// `f32`
     F32,
-    /// `f16`. The lane has the value converted to `f32`, which is exact.
+    /// `f16`. The lane stores the value as an `f32`, without rounding.
     F16,
     /// `i32`
     I32,

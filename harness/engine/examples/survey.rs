@@ -2,7 +2,8 @@
 //! prints the reason.
 //!
 //! `cargo run --example survey -- file.wgsl` lowers each function, and calls each lowered function with 64 rows of
-//! generated arguments, in each arithmetic. The program lowers compute entry points, but doesn't run them.
+//! generated arguments, in `f32`, in `f64` and in intervals. The program lowers compute entry points, but doesn't run
+//! them.
 #![expect(clippy::print_stdout, reason = "a program for the terminal")]
 
 use karat_engine::{F32, F64, Intervals, Options, Program, Resources, Scalar, Settings, Stop};

@@ -15,8 +15,9 @@ const SAFETY: f64 = 2.0;
 /// The number of measured arguments for each sign and exponent.
 const PER_EXPONENT: u32 = 256;
 
-/// For each exponent and sign, the largest number of arguments close to a zero of a sine, a cosine or a tangent. Near a
-/// zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is smaller.
+/// The largest number of measured arguments close to zeros of a sine, a cosine or a tangent, for each sign and
+/// exponent. Near a zero of the function, the absolute error is as large as elsewhere, but an ulp of the result is
+/// smaller.
 const NEAR_ZEROS: u32 = 8;
 
 /// If an adapter's error near a zero of a sine, a cosine or a tangent is larger than this number of ulps, Karat bounds
@@ -88,9 +89,8 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// For a sine, a cosine or a tangent: a number of which all zeros of the function are multiples. Not every multiple
-    /// is a zero: the multiples for a sine and a cosine include arguments at which the function is 1 or -1. `None` for
-    /// all other functions.
+    /// A number whose multiples include all zeros of the function: pi / 2 for a sine or a cosine, pi for a tangent. At
+    /// some multiples of pi / 2, a sine or a cosine is 1 or -1. `None` for all other functions.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -156,7 +156,8 @@ pub struct Accuracy {
     powers_of_zero: bool,
 }
 
-/// The expression that measures `pow`. Karat measures it last, because its bounds depend on those of `exp2` and `log2`.
+/// The expression with which Karat measures `pow`. Karat measures `pow` last, because the bounds of `pow` depend on
+/// those of `exp2` and `log2`.
 const POWER: &str = "pow(a, b)";
 
 impl Default for Accuracy {
@@ -270,7 +271,7 @@ impl Accuracy {
         }
     }
 
-    /// Narrows the interval `allowed` of a rule's result to this adapter's measured accuracy.
+    /// Narrows the interval `allowed` of an operation's result to this adapter's measured accuracy.
     pub(crate) fn narrow(&self, rule: FloatRule, x: &[Interval], allowed: Interval) -> Interval {
         let bound = match x {
             [x, y] if rule == POW && self.powers => self.power(*x, *y),
@@ -283,7 +284,7 @@ impl Accuracy {
         allowed.meet(bound)
     }
 
-    /// Checks if [`narrow`](Self::narrow) can narrow the results of a rule.
+    /// Checks if [`narrow`](Self::narrow) can narrow the results of an operation.
     pub(crate) fn knows(rule: FloatRule) -> bool {
         rule == POW || FUNCTIONS.iter().any(|function| function.rule == rule)
     }
@@ -355,8 +356,8 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// The multiple of `of` with the index `nth`, among at most [`NEAR_ZEROS`] multiples that are spread over a bucket.
-/// `None` if the bucket has fewer multiples.
+/// A multiple of `of` in a bucket, chosen by the index `nth`. If the bucket has more than [`NEAR_ZEROS`] multiples, the
+/// choice is among [`NEAR_ZEROS`] of them, spread over the bucket. `None` if no multiple has this index.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());

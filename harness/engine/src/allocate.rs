@@ -18,8 +18,7 @@ struct Life {
 
 const NEVER: Life = Life { first: u32::MAX, last: 0, writes: 0, reads: 0 };
 
-/// A register of an operation: its file (floats, integers or booleans), its index in the pool, and `true` if the
-/// operation writes the register.
+/// A register that an operation reads or writes. `at` is the position in [`Code::pool`] that names the register.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Operand {
     pub(crate) file: File,
@@ -43,7 +42,7 @@ pub(crate) fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand
     })
 }
 
-/// Forwards copies, removes unused operations, and assigns registers.
+/// Propagates copies, removes unused operations, and assigns registers.
 pub(crate) fn allocated(mut code: Code) -> Code {
     if !code.statements.is_empty() {
         let needed = crate::coverage::needed(&code);
@@ -118,8 +117,8 @@ impl Loops {
         Self { of, loops }
     }
 
-    /// The last position at which a value is needed that an operation defines at `defined` and another operation uses
-    /// at `used`. After a use in a loop, the next iteration may need the value again.
+    /// The last position at which a value is needed. An operation defines the value at position `defined`, and another
+    /// operation uses it at `used`. If the use is in a loop, the next iteration may need the value again.
     fn needed(&self, defined: u32, used: u32) -> u32 {
         let mut last = used;
         let mut inner = self.of[used as usize];

@@ -1,4 +1,4 @@
-//! The arithmetics in which a program can run.
+//! The arithmetics in which a program can run: `f32`, `f64` and intervals.
 
 use std::fmt::Debug;
 
@@ -7,8 +7,8 @@ use crate::rules::Half;
 
 /// The representation of numbers while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
-/// The trait is sealed. You can't add an arithmetic outside of this crate, because an arithmetic needs its own rule for
-/// each builtin in the folder `rules`.
+/// The trait is sealed, because the folder `rules` computes each builtin separately in each arithmetic. So you can't
+/// add an arithmetic outside of this crate.
 pub trait Arithmetic: Rules {}
 
 /// IEEE single precision, rounded to nearest, as a conforming GPU computes.
@@ -28,55 +28,56 @@ impl Arithmetic for F32 {}
 impl Arithmetic for F64 {}
 impl Arithmetic for Intervals {}
 
-/// A rule that computes floats from floats, in each arithmetic.
+/// An operation that computes floats from floats, with a method for each arithmetic.
 pub trait FloatRule<const I: usize, const O: usize> {
-    /// Computes the rule in [`F32`].
+    /// Computes the result in [`F32`].
     fn single(x: [f32; I]) -> [f32; O];
-    /// Computes the rule in [`F64`].
+    /// Computes the result in [`F64`].
     fn double(x: [f64; I]) -> [f64; O];
-    /// Computes the rule in [`Intervals`].
+    /// Computes the result in [`Intervals`].
     fn interval(x: [Interval; I]) -> [Interval; O];
 }
 
-/// A rule that computes an integer from integers, in each arithmetic. Each `u32` has the bits of an `i32` or a `u32`.
+/// An operation that computes an integer from integers, with a method for each arithmetic. Each `u32` has the bits of
+/// an `i32` or a `u32`.
 pub trait IntRule<const I: usize> {
     /// `true` if the result is an `i32`.
     const SIGNED: bool;
-    /// Computes the rule in [`F32`] and in [`F64`].
+    /// Computes the result in [`F32`] and in [`F64`].
     fn exact(x: [u32; I]) -> u32;
-    /// Computes the rule in [`Intervals`].
+    /// Computes the result in [`Intervals`].
     fn range(x: [Range; I]) -> Range;
 }
 
-/// A rule that computes an integer from floats, in each arithmetic.
+/// An operation that computes an integer from floats, with a method for each arithmetic.
 pub trait ToIntRule<const I: usize> {
     /// `true` if the result is an `i32`.
     const SIGNED: bool;
-    /// Computes the rule in [`F32`].
+    /// Computes the result in [`F32`].
     fn single(x: [f32; I]) -> u32;
-    /// Computes the rule in [`F64`].
+    /// Computes the result in [`F64`].
     fn double(x: [f64; I]) -> u32;
-    /// Computes the rule in [`Intervals`].
+    /// Computes the result in [`Intervals`].
     fn interval(x: [Interval; I]) -> Range;
 }
 
-/// A rule that computes floats from an integer, in each arithmetic.
+/// An operation that computes floats from an integer, with a method for each arithmetic.
 pub trait FromIntRule<const O: usize> {
-    /// Computes the rule in [`F32`].
+    /// Computes the result in [`F32`].
     fn single(x: u32) -> [f32; O];
-    /// Computes the rule in [`F64`].
+    /// Computes the result in [`F64`].
     fn double(x: u32) -> [f64; O];
-    /// Computes the rule in [`Intervals`].
+    /// Computes the result in [`Intervals`].
     fn interval(x: Range) -> [Interval; O];
 }
 
-/// A rule that computes a float from a float and an integer, in each arithmetic.
+/// An operation that computes a float from a float and an integer, with a method for each arithmetic.
 pub trait MixedRule {
-    /// Computes the rule in [`F32`].
+    /// Computes the result in [`F32`].
     fn single(x: f32, i: u32) -> f32;
-    /// Computes the rule in [`F64`].
+    /// Computes the result in [`F64`].
     fn double(x: f64, i: u32) -> f64;
-    /// Computes the rule in [`Intervals`].
+    /// Computes the result in [`Intervals`].
     fn interval(x: Interval, i: Range) -> Interval;
 }
 
@@ -94,7 +95,7 @@ pub(crate) mod sealed {
     pub trait Rules: Copy + Debug + Send + Sync + 'static {
         /// The representation of a WGSL float of any width.
         type Float: Copy + Default + Debug + Send + Sync;
-        /// An `i32` or a `u32`.
+        /// The representation of an `i32` or a `u32`.
         type Int: Copy + Default + Debug + Send + Sync;
         /// A boolean. Masks consist of booleans, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
@@ -116,7 +117,8 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// Returns the result `y` of a rule. [`Intervals`] first narrows `y` with the function in the first argument.
+        /// Returns the result `y` of an operation. [`Intervals`] first narrows `y` with the function in the first
+        /// argument.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
@@ -136,7 +138,7 @@ pub(crate) mod sealed {
         fn not(a: Self::Bool) -> Self::Bool;
         /// Checks if the boolean may be true.
         fn possible(a: Self::Bool) -> bool;
-        /// A boolean that may be true or false. Arithmetics without such booleans return `true`.
+        /// An undecided boolean. Arithmetics without undecided booleans return `true`.
         fn undecided() -> Self::Bool;
         /// Checks if the boolean may be false.
         fn avoidable(a: Self::Bool) -> bool;
@@ -149,12 +151,12 @@ pub(crate) mod sealed {
         /// The least and the greatest value that an index may have. `signed` is `true` if the index is an `i32`.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
-        /// Rounds a value to half precision. `F64` doesn't round. In [`Intervals`], the result contains each value
-        /// within the error `half`, which WGSL allows.
+        /// Rounds a value to half precision. `F64` doesn't round. In [`Intervals`], `half` is the error that WGSL
+        /// allows, and the result contains each value within this error.
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// Flushes subnormal values to zero.
         fn flush(x: Self::Float) -> Self::Float;
-        /// Checks if the float is unbounded. The machine notes the cause of such floats.
+        /// Checks if the float is an unbounded interval. The machine notes the cause of such intervals.
         fn is_unknown(x: Self::Float) -> bool;
         /// Notes in the unbounded value `x` the operation that made it unbounded: the first cause among `inputs`, or
         /// `site` if no input has a cause.
@@ -391,7 +393,7 @@ impl Rules for Intervals {
         /// The largest number of significant bits in a literal that counts as exact, such as 0.625. Literals with more
         /// bits, such as 0.1, count as rounded decimals.
         const SHORT: u32 = 12;
-        /// The limit in half precision, whose floats have 11 significant bits.
+        /// `SHORT` for half precision, whose floats have 11 significant bits.
         const SHORT_HALF: u32 = 6;
         let digits = if half { SHORT_HALF } else { SHORT };
         let short = x.to_bits() & ((1 << (24 - digits)) - 1) == 0;
@@ -520,8 +522,9 @@ impl Rules for Intervals {
         x.lo() as u32
     }
     fn filtered(_: f64, hull: (f32, f32)) -> Interval {
-        /// A filter adds at most 16 texels (eight of each of two levels). The weight of a texel is a product of four
-        /// numbers. The filter rounds 20 times. Each rounding has an error of less than 2^-23 of the largest texel.
+        /// The largest error of a filter's result, relative to the largest texel. A filter adds at most 16 texels
+        /// (eight of each of two levels). The weight of a texel is a product of four numbers. The filter rounds 20
+        /// times. Each rounding has an error of less than 2^-23 of the largest texel.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
         // WGSL and WebGPU don't limit the error of a filter. A filter's result is a weighted mean of texels with any
         // weights, so it lies between the least and the greatest texel. But weights are rounded, so their sum may be

@@ -22,8 +22,8 @@ pub(crate) enum Compare {
     LessEqual,
 }
 
-/// The column or row of a quad whose pixel each lane reads. For example, with `Left` both pixels of a row read the left
-/// one. A quad's four lanes are the upper left pixel, the pixel on its right, and the two pixels below.
+/// The side of a quad from which its lanes read. For example, with `Left`, both pixels of a row read the left pixel. A
+/// quad's four lanes are the upper left pixel, the pixel on its right, and the two pixels below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Neighbour {
     Left,
@@ -71,8 +71,8 @@ pub(crate) enum Op {
     Move(File),
     /// Copies a value in active lanes.
     Store(File),
-    /// Copies a register of a range, which indices select. Registers: the result, the range's first register, indices.
-    /// [`Code::walks`] describes the indexing.
+    /// Copies the register that indices select from a range. Registers: the result, the range's first register,
+    /// indices. [`Code::walks`] describes the indexing.
     Gather(File, u32),
     /// Stores a value in the register that `Gather` would copy. Registers: the range's first register, the value,
     /// indices.
@@ -93,8 +93,8 @@ pub(crate) enum Op {
     Atomic(u32),
     /// Reads or queries a texture, as [`Code::images`] describes. Registers: results, operands.
     Image(u32),
-    /// Writes a texel. Registers: the texel if it has floats, the coordinates and the layer, the texel if it has
-    /// integers.
+    /// Writes a texel. Registers: the texel's floats (if any), the coordinates and the layer, the texel's integers (if
+    /// any).
     ImageStore(u32),
     /// Reports lanes in which a computed integer has wrapped around: an index, or a difference that becomes a float.
     /// Registers: the integer, and the registers from which it is computed. [`Code::wraps`] describes the computation.
@@ -113,7 +113,7 @@ pub(crate) enum Op {
     Case(bool),
     EndSwitch,
     Loop,
-    /// Begins an iteration of a loop. Each active lane may then run one iteration less.
+    /// Begins an iteration of a loop, and counts it against each active lane's limit of iterations.
     Round,
     Continuing,
     /// Register: the condition.
@@ -143,7 +143,8 @@ pub(crate) enum Op {
 
 impl Op {
     /// Checks if an operation ends a branch, a loop or a call, or a part of such a construct. Observers don't receive
-    /// such an operation: it has the source position of the operation before it, but may run without that one.
+    /// these operations. Each has the source position of the operation before it, and can run even if that operation
+    /// didn't run.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -171,7 +172,8 @@ pub(crate) struct Instruction {
     pub(crate) site: u32,
 }
 
-/// One index of an access: the distance and the number of the elements, and whether the index is signed.
+/// One index of an access: the distance between neighbouring elements, the number of elements, and whether the index is
+/// signed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) stride: u32,
@@ -199,7 +201,7 @@ pub(crate) struct Wrap {
     pub(crate) terms: Vec<Term>,
 }
 
-/// An operand or an operation in the computation of an integer. The machine repeats it in a wider type.
+/// An operand or an operation in the computation of an integer. The machine repeats the computation in a wider type.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
     /// The value of a register. Such terms use the registers of [`Op::Wrap`] in order, from the second one.
@@ -254,7 +256,8 @@ pub(crate) struct Constant {
     pub(crate) word: u32,
 }
 
-/// The numbers of an operation's result registers (`outs`) and argument registers (`ins`): floats, integers, booleans.
+/// The number of floats, of integers and of booleans among an operation's results (`outs`) and among its arguments
+/// (`ins`).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) outs: [u32; 3],
@@ -314,12 +317,13 @@ pub(crate) struct Code {
     /// of an undecided condition, only these registers can have different values in the two branches.
     pub(crate) mutable: [Vec<u32>; 3],
     pub(crate) statements: Vec<Statement>,
-    /// Ranges of registers in which an index selects a register at run time. Allocation keeps these ranges together.
+    /// Ranges of registers in which an index selects a register at run time. Allocation keeps the registers of a range
+    /// together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }
 
 impl Code {
-    /// Checks if an access with the walk of this index may race with another access.
+    /// Checks if an access may race with another access. `walk` is the access's index in [`Code::walks`].
     pub(crate) fn may_race(&self, walk: u32) -> bool {
         let walk = &self.walks[walk as usize];
         let slot = self.buffers.get(walk.buffer as usize);

@@ -42,8 +42,8 @@ pub enum StatementKind {
     Plain,
     /// A `switch`. Each of its clauses is also a statement.
     Switch,
-    /// An `if`, `&&` or `||`. Lanes can go two ways: the condition holds, or the condition doesn't hold. For `a || b`,
-    /// the condition is `!a`, because naga translates `a || b` into an `if` with this condition.
+    /// An `if`, `&&` or `||`. Lanes can go two ways: the condition holds, or the condition doesn't hold. naga
+    /// translates `||` into an `if` whose condition is the negated first operand.
     If,
     /// A `select` expression. Lanes can go two ways: the condition holds, or the condition doesn't hold.
     Select,
@@ -51,7 +51,7 @@ pub enum StatementKind {
     Clause(usize),
     /// A loop. Lanes can go three ways: they leave the loop in the first, in the second, or in a later iteration.
     Loop,
-    /// The condition of a `for` or `while`. Lanes that go each way are counted at the [`Loop`](Self::Loop).
+    /// The condition of a `for` or `while`. Its ways aren't counted here, but at the [`Loop`](Self::Loop).
     Exit,
 }
 
@@ -199,7 +199,7 @@ impl crate::Program {
 }
 
 impl Statement {
-    /// The index of the operation whose counter has the statement's branches. `None` if these aren't counted.
+    /// The index of the operation at which the statement's branches are counted. `None` if they aren't counted.
     fn branch(&self, code: &Code) -> Option<usize> {
         let (start, end) = (self.start as usize, self.end as usize);
         let mut own = (start..end).map(|at| (at, code.instructions[at].op));
@@ -413,7 +413,8 @@ impl Needed<'_> {
         &self.code.walks[walk as usize]
     }
 
-    /// The registers of the range in [`Code::pinned`] that contains the register at pool index `at`.
+    /// The registers of the range in [`Code::pinned`] that contains the register `pool[at]`. If there is no such range,
+    /// only this register.
     fn range(&self, file: crate::scalar::File, at: u32) -> impl Iterator<Item = usize> + use<> {
         let base = self.code.pool[at as usize];
         let is_own = |&&(pinned, first, count): &&(crate::scalar::File, u32, u32)| {

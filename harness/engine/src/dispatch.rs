@@ -1,6 +1,6 @@
-//! Runs entry points. A compute entry point runs in workgroups, whose invocations are the lanes of one chunk. A
-//! fragment entry point runs in tiles of pixels, which count as workgroups. The invocations that one machine runs in
-//! lockstep are a unit. Units take turns: in a turn, a unit runs to its next atomic or barrier, or to its end.
+//! Runs entry points. A compute entry point runs in workgroups, with a lane for each invocation. A fragment entry point
+//! runs in tiles of pixels, which count as workgroups. The invocations that one machine runs in lockstep are a unit.
+//! Units take turns: in a turn, a unit runs to its next atomic or barrier, or to its end.
 
 use std::collections::HashMap;
 use std::time::Instant;
@@ -29,7 +29,7 @@ pub(crate) struct Entry {
     size: [u32; 3],
     /// `true` for a fragment entry point. Then workgroups are tiles, and invocations are pixels in quads.
     drawn: bool,
-    /// For each scalar of the parameters: the builtin with its value, and the index of its component.
+    /// For each scalar of the parameters: a builtin, and the index of one of the builtin's components.
     inputs: Vec<(BuiltIn, usize)>,
 }
 
@@ -88,7 +88,7 @@ impl Entry {
     }
 }
 
-/// The size of a tile in pixels, across and down. In a tile, each four successive lanes are a quad.
+/// The size of a tile in pixels, across and down. In a tile, every four successive lanes are a quad.
 const TILE: [u32; 3] = [8, 8, 1];
 
 fn place_in_tile(index: u32) -> [u32; 3] {
@@ -160,8 +160,8 @@ impl Entry {
 /// The state of a workgroup that runs. After the workgroup ends, another workgroup reuses the allocated memory.
 struct Room<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
-    /// The number of the workgroup's first unit in the dispatch, and below it the number of its first invocation. A
-    /// unit consists of the invocations that one machine runs in lockstep.
+    /// The number of the workgroup's first unit, counted over the whole dispatch. `first` is the number of the
+    /// workgroup's first invocation. A unit consists of the invocations that one machine runs in lockstep.
     unit: u32,
     first: usize,
     /// The number of machines that are still running. `held` lists those at a barrier, each with the barrier's site.
@@ -225,8 +225,8 @@ pub struct Turn {
     pub word: u32,
     /// `true` if another operation uses the word that the atomic returned.
     pub reads: bool,
-    /// For a store that took effect late: the atomic that the same invocation ran after the store, if another
-    /// invocation could see this atomic's effect before the store's effect. Otherwise `None`.
+    /// The atomic that overtook this store: the same invocation ran the atomic after the store, but another
+    /// invocation could see the atomic's effect first. `None` if no atomic overtook it.
     pub behind: Option<Site>,
 }
 
@@ -260,8 +260,8 @@ impl Order {
         }
     }
 
-    /// For a store that took effect late: the site of the atomic that the same invocation ran after the store, if
-    /// another invocation could see this atomic's effect before the store's effect.
+    /// The site of the atomic that overtook a store: the same invocation ran the atomic after the store, but another
+    /// invocation could see the atomic's effect first.
     fn behind(
         taken: &[(Turn, Done)],
         invocation: usize,
@@ -279,8 +279,8 @@ impl Order {
     }
 }
 
-/// The number of workgroups that run at the same time (each in its own [`Room`]): at least `LEAST_ROOMS`, and more
-/// while they have at most `ROOMY` invocations together.
+/// The least number of workgroups that take turns, each in its own [`Room`]. Small workgroups run in larger numbers,
+/// with up to `ROOMY` invocations together.
 const LEAST_ROOMS: usize = 4;
 const ROOMY: usize = 4096;
 
@@ -394,8 +394,8 @@ impl Program {
 
     /// Implements [`dispatch`](Self::dispatch) for each arithmetic.
     ///
-    /// Invocations that run in lockstep may wait for each other forever. If this happens in the usual order, Karat
-    /// restarts the dispatch, and runs the invocations one by one.
+    /// Invocations that run in lockstep may wait for each other forever. If this happens while whole workgroups run in
+    /// lockstep, Karat restarts the dispatch, and runs the invocations one by one.
     pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
         &self,
         workgroups: [u32; 3],

@@ -14,7 +14,8 @@ use naga::AtomicFunction;
 
 use crate::schedule::{Actor, Turns};
 
-/// A word that invocations share: its variable, the workgroup that has the memory, and its offset in bytes.
+/// A word that invocations share: the variable, the workgroup that has the variable's memory, and the word's offset in
+/// bytes.
 pub(crate) type Word = (u32, u32, u32);
 
 /// The kind of an atomic access. Two accesses of one word commute if both have the same kind, except `Changes`.
@@ -95,8 +96,8 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of the turn's actor. `number` is the turn's number among the actor's turns, and `clock` counts this
-    /// turn and all turns that come before it.
+    /// The index of the turn's actor in a [`Clock`]. `number` is the turn's number among the actor's turns, and `clock`
+    /// counts this turn and all turns that come before it.
     own: usize,
     number: u32,
     clock: Clock,

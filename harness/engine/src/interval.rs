@@ -157,14 +157,14 @@ impl Interval {
         Self { lo: low, hi: high, ..Self::UNBOUNDED }.flushed()
     }
 
-    /// The bounds `lo` to `hi` of a remainder such as `x - floor(x)`, widened for all orders in which an implementation
-    /// may add the terms of `self`.
+    /// The interval from `lo` to `hi` of a remainder such as `x - floor(x)`, widened because an implementation may add
+    /// the terms of `self` in any order.
     pub(crate) fn with_slack(self, lo: f64, hi: f64) -> Self {
         let slack = self.chained().map_or(0.0, |(ends, chain)| chain.slack(ends));
         Self::outwards(lo - slack, hi + slack)
     }
 
-    /// Extends an interval that contains subnormals to zero, because an implementation may flush them.
+    /// Extends the interval to zero if it contains subnormals, because an implementation may flush these.
     pub(crate) fn flushed(self) -> Self {
         let tiny = f32::MIN_POSITIVE;
         let mut flushed = self;
@@ -422,9 +422,10 @@ enum End {
 
 /// Widens a range of exact results by their errors.
 ///
-/// The widest result isn't always at an end of the range. An ulp doubles at a power of two. So a result just beyond the
-/// first power of two in the range, minus its error, may be less than the end nearer to zero, minus its error. The
-/// other parts of an error change by less than 2^-20 between this end and the power of two.
+/// An ulp doubles at a power of two. So the lowest result, including errors, may belong to a number just above a power
+/// of two, instead of to `least`. In a negative range, the same holds for the highest result and `most`. `ELSEWHERE`
+/// covers the parts of an error that aren't ulps, because these change by less than 2^-20 between `least` and the power
+/// of two.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);

@@ -1,4 +1,4 @@
-//! Runs WGSL on the CPU, for many cases at the same time, in three arithmetics.
+//! Runs WGSL on the CPU, for many cases at the same time, in `f32`, in `f64` or in intervals.
 //!
 //! A [`Program`] is a function, a compute entry point or a fragment entry point of a valid [`naga::Module`]. It is
 //! lowered once, and can then run many times without a driver or an adapter. In [`F32`], the program computes as a
@@ -31,7 +31,7 @@
 //! nothing. Lowering finds constructs that the engine can't execute, and returns a [`Refusal`] with the construct's
 //! position. So a run never finds a construct that the engine can't execute. Each operation keeps its [`Site`].
 //!
-//! **Allocation** (`allocate`) forwards copies, removes unused operations, and lets values that aren't needed at the
+//! **Allocation** (`allocate`) propagates copies, removes unused operations, and lets values that aren't needed at the
 //! same time share a register.
 //!
 //! **Arithmetics** (`arithmetic`). An [`Arithmetic`] defines floats, integers and booleans. In [`Intervals`], an
@@ -60,19 +60,19 @@
 //!
 //! # Adding a builtin
 //!
-//! A rule is defined in one place, in the file of its family in `rules`: its name, the number of its arguments and
-//! results, naga's name of the builtin, and its computation in `f32`, in `f64` and in intervals. A builtin that works
-//! component by component needs nothing else. Each other builtin also needs a line in `lower/math.rs` that says which
-//! registers the builtin takes.
+//! A builtin has one definition, in a file of the folder `rules`. The definition has a name, the number of arguments
+//! and results, naga's name of the builtin, and the computation in `f32`, in `f64` and in intervals. A builtin that
+//! works component by component needs nothing else. Each other builtin also needs a line in `lower/math.rs` that says
+//! which registers the builtin takes.
 //!
 //! # Properties of the numbers
 //!
 //! - naga rounds literals to `f32` and folds constants before the engine sees them. So [`F64`] computes with rounded
 //!   literals: `0.1` is the nearest `f32` in each arithmetic.
-//! - In [`F64`], a bitcast of a float first rounds the float to `f32`. Karat doesn't round values of type `f16`.
+//! - In [`F64`], a bitcast of a float first rounds the float to `f32`. [`F64`] doesn't round values of type `f16`.
 //! - `pow(x, y)` is NaN for each x below zero, like `exp2(y * log2(x))`.
-//! - Integers wrap around. A division by zero returns the dividend, and the remainder is 0. A shift uses its number of
-//!   bits modulo 32. Conversions from floats to integers saturate. The code that naga generates has the same rules.
+//! - Integers wrap around. A division by zero returns the dividend, and the remainder is 0. A shift by `n` bits shifts
+//!   by `n % 32`. Conversions from floats to integers saturate. The code that naga generates has the same rules.
 //! - In [`Intervals`], a subnormal may be flushed to zero, so the interval also contains zero. A result that overflows
 //!   is unbounded, and everything that is computed from it is unbounded, too. [`Program::cause`] returns the operation
 //!   that made it unbounded.

@@ -51,7 +51,7 @@ pub struct Settings {
     /// `true` if `a * b + c` is rounded only once, as on many GPUs.
     pub contract: bool,
     /// Prefixes of names. If the name of a let-binding begins with one of these prefixes, observers receive the
-    /// let-binding's value. Tests see these values like results.
+    /// let-binding's value. These values count as results of the program.
     pub named: &'static [&'static str],
     /// `true` if four successive cases are a quad of pixels: the upper left pixel, the pixel on its right, and the two
     /// pixels below. Derivatives need this.

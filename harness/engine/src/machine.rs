@@ -101,13 +101,15 @@ pub(crate) struct Machine<'p, A: Rules> {
     helpers: Vec<bool>,
     /// The detector of races between invocations, if the caller asked for it.
     pub(crate) detector: Option<Box<Detector>>,
-    /// `true` if the machine also stops before each atomic. `paused` is `true` while it is stopped there.
+    /// `true` if the machine stops before each atomic, and not only at barriers. `paused` is `true` while it is stopped
+    /// before an atomic.
     pub(crate) yields: bool,
     paused: bool,
     /// `true` if the machine continues after an atomic store before the store takes effect.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
-    /// The numbers of newly delayed stores, which `dispatch` takes. `numbered` counts all stores that were delayed.
+    /// The newly delayed stores, by number. `dispatch` empties this list. `numbered` counts all stores that were
+    /// delayed.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,
@@ -656,10 +658,10 @@ impl<'p, A: Rules> Machine<'p, A> {
         if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
     }
 
-    /// Runs an operation on floats with `outs` result registers, and flushes the subnormal numbers that WGSL allows to
-    /// flush: "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero",
-    /// and "other operations are required to preserve subnormal numbers" (15.7.2). So the machine flushes computed
-    /// results. Values that are loaded, stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
+    /// Runs an operation on floats, and flushes its subnormal operands and results if the options ask for it. WGSL
+    /// says: "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and
+    /// "other operations are required to preserve subnormal numbers" (15.7.2). So values that are only loaded, stored,
+    /// selected, swizzled, passed, returned or reinterpreted keep their bits.
     fn flushing(&mut self, registers: &[u32], outs: usize, run: impl FnOnce(&mut Self)) {
         if !self.options.flush {
             return run(self);

@@ -52,8 +52,8 @@ pub struct Options {
     /// The number of iterations that all loops of a case may run in total. The default is 2^20, which is far more than
     /// a fast shader runs for a pixel. An endless loop reaches this number within seconds.
     pub fuel: u64,
-    /// `true` if a call goes on without a case that exceeds `fuel`. The results then list this case. Otherwise the call
-    /// stops. In intervals a call always stops.
+    /// `true` if a call drops each case that exceeds `fuel`, and continues with the other cases. The results then list
+    /// the dropped cases. Otherwise the call stops at such a case. In intervals a call always stops.
     pub leaves: bool,
     /// The number of iterations that all loops of all cases of a dispatch may run in total. Unlimited by default.
     pub work: u64,

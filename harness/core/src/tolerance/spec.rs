@@ -10,15 +10,16 @@ use crate::value::Scalar;
 const NEED: f64 = 1.0 / 1024.0;
 
 /// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. An `f16` has a relative
-/// precision of 2^-10. A range of this width leaves half of the bits, and is wide enough for a quotient.
+/// precision of 2^-10. A range of this width leaves five of an `f16`'s ten bits. The range of a single division is
+/// narrower.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
 /// it by interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
 ///
-/// A case passes if both the result and the reference are inside of the range, and if the range is narrow. The width of
-/// the range may be at most 2^-10 of the value (2^-5 for `f16`), or within the tolerance that you pass to
-/// [`needing`](Self::needing). So you can write a first test without choosing a tolerance, and the verdict doesn't
+/// A case passes if both the result and the reference are inside of the range, and if the range is narrow. A range is
+/// narrow if its width is at most 2^-10 of the value (2^-5 for `f16`). To set another limit, call
+/// [`needing`](Self::needing). With `Spec`, you needn't choose a tolerance for a first test, and the verdict doesn't
 /// depend on the driver. Cases in which WGSL allows a wider range, or any value, fail. Set a tolerance for these cases
 /// with [`or`](Self::or).
 ///
@@ -34,7 +35,8 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 pub struct Spec;
 
 impl Spec {
-    /// [`Spec`] with another limit for the width of the range, so that results need more or fewer exact digits.
+    /// [`Spec`] with another limit for the width of the range. A smaller limit requires more exact digits, a larger
+    /// limit fewer.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -66,10 +68,10 @@ impl Spec {
 /// The range of values that each path's adapter may return for the case's arguments, computed from the measured
 /// accuracy of the adapter's builtin functions.
 ///
-/// `DeviceSpec` works like [`Spec`], and its range is never wider than a finite range of [`Spec`]. WGSL allows the
-/// error 2^-11 for a sine, and only between -pi and pi. Most adapters are thousands of times more precise, for all
-/// arguments. Karat measures each builtin function once on an adapter, and allows twice the largest error. Karat stores
-/// the results in cargo's home, by adapter and driver.
+/// `DeviceSpec` works like [`Spec`]. If the range of [`Spec`] is finite, the range of `DeviceSpec` isn't wider. For a
+/// sine between -pi and pi, WGSL allows an error of 2^-11. For other arguments, WGSL allows any error. Most adapters
+/// are thousands of times more precise, for all arguments. Karat measures each builtin function once on an adapter, and
+/// allows twice the largest error. Karat stores the results in cargo's home, by adapter and driver.
 ///
 /// A test that passes with `DeviceSpec` shows nothing about other adapters. Use it to test your shader's own rounding.
 /// Use [`Spec`] for a test that should pass everywhere.
@@ -86,7 +88,8 @@ impl Spec {
 pub struct DeviceSpec;
 
 impl DeviceSpec {
-    /// [`DeviceSpec`] with another limit for the width of the range, so that results need more or fewer exact digits.
+    /// [`DeviceSpec`] with another limit for the width of the range. A smaller limit requires more exact digits, a
+    /// larger limit fewer.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

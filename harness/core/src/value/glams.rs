@@ -1,4 +1,4 @@
-//! Support for mint, and for the vectors and matrices of other glam versions than this crate's. Each version is a cargo
+//! Support for mint, and for the vectors and matrices of glam versions other than this crate's. Each version is a cargo
 //! feature, so projects compile only the versions that they need.
 
 #[cfg(feature = "mint")]

@@ -89,7 +89,8 @@ macro_rules! matrix {
     )*};
 }
 
-/// Implements the `f64` mirrors for one version of glam. The version's types and these macros must be in scope.
+/// Implements the `f64` mirrors for one version of glam. The version's types, `mirror_vector` and `mirror_matrix` must
+/// be in scope.
 macro_rules! mirrored {
     () => {
         mirror_vector! {

@@ -162,7 +162,8 @@ macro_rules! matrix {
     )*};
 }
 
-/// Implements [`Shareable`] for one version of glam. The version's types and these macros must be in scope.
+/// Implements [`Shareable`] for one version of glam. The version's types, `shareable_vector` and `shareable_matrix`
+/// must be in scope.
 macro_rules! shared {
     () => {
         shareable_vector! {

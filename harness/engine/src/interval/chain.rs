@@ -262,7 +262,8 @@ impl Sum {
     /// The bounds of the sum for all orders of its additions. `count` terms need `count - 1` additions. The last
     /// addition rounds the result. Each other addition rounds a partial sum to a neighbouring float, so its error is
     /// less than the distance between two floats near the largest partial sum. All results are multiples of 2^`step`.
-    /// Also `more` terms are rounded, with at most the error of a partial sum. `None` if a sum may overflow.
+    /// In addition, `more` terms are rounded, each with at most the error of a partial sum. `None` if a sum may
+    /// overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
@@ -312,20 +313,21 @@ fn significand(x: f64) -> (u32, i16) {
     ((x / power(exponent)) as u32, exponent)
 }
 
-/// The factors and divisors of a product, in the numbers that bound the product in any order.
+/// The factors and divisors of a product, as numbers from which Karat computes bounds for all orders.
 #[derive(Clone, Copy)]
 pub(super) struct Product {
     exact: Ends,
     /// The lower bound of the magnitudes of all partial products. `most` is the upper bound.
     least: f32,
     most: f32,
-    /// The largest magnitude of a product of any divisors. `dividend` is the same for the other factors.
+    /// The largest magnitude that a product of some of the divisors can have. `dividend` is the same for the other
+    /// factors.
     divisor: f32,
     dividend: f32,
     divisors: u16,
     dividends: u16,
     divisions: u16,
-    /// The number of factors that may cause rounding errors, which are all except powers of two.
+    /// The number of factors that may cause rounding errors: all factors except powers of two.
     rounding: u16,
     /// The number of binary digits of all factors that `rounding` counts. A product with up to 24 binary digits is
     /// exact.

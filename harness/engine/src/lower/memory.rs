@@ -22,7 +22,7 @@ pub(crate) struct Place {
 
 #[derive(Clone, Copy, Debug)]
 enum Root {
-    /// The variable's first register in each register file, and in `extent` the number of its registers there.
+    /// A variable: for each register file, the first register (`base`), and the number of registers (`extent`).
     Local {
         base: Counts,
         extent: Counts,

@@ -6,7 +6,8 @@ use super::{Lower, Lowered};
 use crate::code::{Op, Reg, Term, Wrap};
 use crate::rules::Integer;
 
-/// The largest number of terms of an index. In a longer index, the engine takes other registers as they are.
+/// The number of terms after which the engine stops tracing how an index was computed. The engine assumes that the
+/// remaining operands haven't wrapped around.
 const MOST_TERMS: usize = 64;
 
 /// The largest odd constant by which an index may be multiplied. A multiplication by a larger odd constant counts as a

@@ -18,7 +18,8 @@ const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
 
-/// The bytes of a buffer. If a program writes the buffer, `floats` has the written floats: an `f64` needs two words.
+/// The bytes of a buffer. If a program writes the buffer, `floats` also has the written floats, because an `f64`
+/// doesn't fit into one word.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
     pub(crate) bytes: Cow<'a, [u8]>,
@@ -119,7 +120,7 @@ pub(super) fn walk_lane<A: Rules>(
     clamped
 }
 
-/// Copies elements of `columns`, which indices select, into a register.
+/// For each lane, copies to a register the element of `columns` that the indices select.
 macro_rules! gathered {
     ($self:ident, $columns:ident, $select:path, $registers:ident, $base:expr, $indices:expr, $walk:ident) => {{
         let (base, indices) = ($base, $indices);

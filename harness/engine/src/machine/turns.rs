@@ -68,8 +68,8 @@ impl Code {
         }
     }
 
-    /// The function of an atomic whose result no operation uses, or `Some(None)` for `atomicStore`. An invocation
-    /// needn't wait until such a change takes effect. `None` for all other operations.
+    /// The function of an atomic whose result no operation uses, or `Some(None)` for `atomicStore`. An invocation can
+    /// continue before such an atomic takes effect. `None` for all other operations.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
