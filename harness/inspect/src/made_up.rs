@@ -1,5 +1,5 @@
 //! Generates arguments and resources for functions without a test. [`hazards`](mod@crate::hazards),
-//! [`compare`](mod@crate::compare) and [`matrix`](mod@crate::matrix) use this module.
+//! [`compare`](mod@crate::compare), [`matrix`](mod@crate::matrix) and tests in `*.test.toml` use this module.
 //!
 //! The range of a number is the one that [`Ranges`] declares for its name. Without a declaration, the name may suggest
 //! a range (`n_dot_l`, `NoV`, `worldNormal`, `perceptualRoughness`). Otherwise the type determines the range. The
@@ -167,8 +167,8 @@ impl Ranges {
         Self { negative: true, ..self.clone() }
     }
 
-    /// Adds the numbers in a shader's text to the values of inputs, because the shader may compare inputs with these
-    /// numbers.
+    /// Returns the ranges with the numbers in a shader's text as further values of inputs. The shader may compare
+    /// inputs with these numbers.
     #[must_use]
     pub(crate) fn with_literals(&self, literals: Literals) -> Self {
         Self { literals: Some(literals), ..self.clone() }

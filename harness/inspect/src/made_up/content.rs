@@ -18,8 +18,8 @@ pub(crate) enum Numbered {
     Zero,
     /// All integers and floats are 1.
     One,
-    /// 0, 65536, 131072 and so on: so far apart that `a[i] + k` and `a[j] + l` differ for different `i` and `j` and for
-    /// all usual indices `k` and `l`.
+    /// 0, 65536, 131072 and so on. The steps are larger than usual indices, so `a[i] + k` and `a[j] + l` differ if `i`
+    /// and `j` differ.
     Apart,
 }
 
@@ -67,9 +67,9 @@ pub(crate) enum Texels {
 /// Selects the runtime-sized arrays and textures that have fewer elements than others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
-    /// The larger the hash of a resource's name is, the fewer elements the resource has.
+    /// The larger the hash of a resource's name (modulo 8) is, the fewer elements the resource has.
     Most,
-    /// The larger the hash of a resource's name is, the more elements the resource has.
+    /// The larger the hash of a resource's name (modulo 8) is, the more elements the resource has.
     Least,
 }
 

@@ -702,7 +702,7 @@ fn texture_or_sampler(
 /// Rounds a texel to numbers that 16-bit floats can represent. On GL, textures with 16-bit floats replace filtered
 /// textures of `f32`.
 fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
-    /// The number of steps between two integers. Below 8, 16-bit floats can represent all these steps.
+    /// The number of steps from one integer to the next. 16-bit floats below 8 can represent all these steps.
     const STEPS: f32 = 128.0;
     (texel * STEPS).round() / STEPS
 }
