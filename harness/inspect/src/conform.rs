@@ -1,4 +1,4 @@
-//! Runs jobs with known results, so that authors of executors can test their programs.
+//! Asks an executor questions: jobs with known results. Authors of executors can test their programs in this way.
 //!
 //! Each question tests one rule of the protocol, so a wrong answer shows which part to fix. Karat runs the jobs through
 //! [`Executor::run`], as in tests. The questions also work with drivers and with Karat's own engine.

@@ -1,9 +1,9 @@
 //! Finds hazards in functions without a test: values that become NaN or infinite, lost digits, indices outside of
 //! arrays, and operations for which WGSL bounds no error.
 //!
-//! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals. The arguments follow from
-//! declarations, names and types (see [`made_up`](mod@crate::made_up)). Karat reports each finding at its origin: the
-//! operation whose operands were still good.
+//! Karat's engine runs each function of a package in `f32`, in `f64` and in interval arithmetic. The arguments follow
+//! from declarations, names and types (see [`made_up`](mod@crate::made_up)). Karat reports each finding at its origin:
+//! the operation whose operands were still good.
 //!
 //! To classify a finding, Karat runs the function again, with the declared inputs of a failing case and new samples of
 //! the free inputs. If the operation goes wrong in every sample that reaches it, the finding is a *fault*. If the
@@ -87,7 +87,7 @@ pub enum Class {
     Requirement,
     /// The function's callers meet the requirement: in at least 256 of their calls, the operation ran without an error.
     Met,
-    /// The function's callers ran the operation in fewer than 256 calls.
+    /// The function's callers rarely or never reach the operation: in fewer than 256 of their calls.
     NotReached,
     /// In every case, a `select`, a branch, or an operation such as `clamp` drops the wrong value.
     Dropped,
@@ -178,7 +178,8 @@ pub struct Hazards {
     pub unread: usize,
     /// The number of functions that aren't valid WGSL, or use invalid code.
     pub invalid: usize,
-    /// Faults and requirements, one for each operation and kind of error. Faults and worse kinds come first.
+    /// Faults and requirements, one for each operation and kind of error. Faults come before requirements. Within each
+    /// class, the worst kinds come first.
     pub found: Vec<Hazard>,
     /// The findings of the other classes: requirements that the callers meet, findings that the callers don't reach,
     /// and findings whose wrong value is dropped.
@@ -223,7 +224,7 @@ pub enum HazardError {
     Nothing {
         /// The package.
         package: String,
-        /// The functions, each with the reason.
+        /// The functions that weren't checked, each with the reason.
         skipped: Vec<(String, String)>,
     },
     /// The range of an input is declared, but no function has this input.

@@ -1,5 +1,5 @@
 //! The constants that determine the results of `hazards`, `compare` and `matrix`, each with the reason for its value.
-//! The ranges that names suggest are in `made_up/meaning.rs`.
+//! The ranges that the names of inputs suggest are in `made_up/meaning.rs`.
 
 /// The number of inputs for each function. If a function has three arguments with six edges each, about 800 inputs are
 /// random samples, and the other inputs are combinations of edges.
@@ -44,8 +44,9 @@ pub(crate) const INPUTS_TRIED: usize = 16;
 /// first hundred calls include the edges of the callers' inputs.
 pub(crate) const MET: usize = 256;
 
-/// The maximum number of operations that all inputs of a function execute over one content. This number of operations
-/// takes some seconds on one core, because the engine computes each operation four times and compares all results.
+/// The maximum number of operations that a function executes over one content, counted over all cases. So many
+/// operations take some seconds on one core, because the engine computes each operation four times and compares all
+/// results.
 pub(crate) const WORK: u64 = 1 << 21;
 
 /// The number of long loops that Karat continues to run, to find out if they end. Each of these loops takes some tenths
@@ -63,8 +64,8 @@ pub(crate) const SAMPLE: usize = 16;
 /// The largest vertex index that `compare` generates: the last vertex of a box, which has twelve triangles.
 pub(crate) const LAST_VERTEX: f64 = 35.0;
 
-/// The maximum number of operations that all inputs of a function execute over one content: one or two seconds on one
-/// core.
+/// The maximum number of operations that a function executes over one content, counted over all cases. So many
+/// operations take one or two seconds on one core.
 pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 
 /// The maximum number of operations over each further content after one content has shown that the results change. The
@@ -93,15 +94,15 @@ pub(crate) const PAIRED_FEATURES: usize = 8;
 /// values of features. Each value costs another full run.
 pub(crate) const OTHER_VALUES: usize = 4;
 
-/// The largest number of scalars in a private variable that is compared. With more scalars, a kernel takes seconds to
-/// compile.
+/// The maximum size of a private variable, in scalars. Karat neither sets nor compares larger variables. With more
+/// scalars, a kernel takes seconds to compile.
 pub(crate) const MOST_STATE: usize = 256;
 
 /// The value of an override without a default. The value can be the size of a small texture, or a number of samples.
 pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 
-/// The second value of an override for which `compare` runs both versions. This value isn't 0, 1 or a usual size, and
-/// is valid for each number type.
+/// The other value that `compare` tries for an override. This value isn't 0, 1 or a usual size, and is valid for each
+/// number type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
 /// The number of workgroups of a pass that usually runs one workgroup, but may run more.

@@ -1,5 +1,5 @@
 //! Generates arguments and resources for functions without a test. [`hazards`](mod@crate::hazards),
-//! [`compare`](mod@crate::compare), the matrix of translations and declared tests use this module.
+//! [`compare`](mod@crate::compare), [`matrix`](mod@crate::matrix) and tests in `*.test.toml` use this module.
 //!
 //! The range of a number is the one that [`Ranges`] declares for its name. Without a declaration, the name may suggest
 //! a range (`n_dot_l`, `NoV`, `worldNormal`, `perceptualRoughness`). Otherwise the type determines the range. The
@@ -167,8 +167,8 @@ impl Ranges {
         Self { negative: true, ..self.clone() }
     }
 
-    /// Returns the ranges for a shader's text. Inputs are then also sampled from the numbers in the text, because the
-    /// shader may compare inputs with these numbers.
+    /// Returns the ranges with the numbers in a shader's text as further values of inputs. The shader may compare
+    /// inputs with these numbers.
     #[must_use]
     pub(crate) fn with_literals(&self, literals: Literals) -> Self {
         Self { literals: Some(literals), ..self.clone() }
@@ -194,7 +194,8 @@ impl Ranges {
     }
 
     /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The input's
-    /// name determines which number of the text comes first. A list of integers begins with 0, for `i32` also with -1.
+    /// name determines which number of the text comes first. For integers, the list begins with 0. For `i32`, -1
+    /// follows.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {
@@ -474,7 +475,8 @@ impl Arguments {
     }
 
     /// The number of rows (each has the arguments of one case), at most `cases`, and the lanes (scalars) of all rows.
-    /// Edges come first and are at most half of the rows. If the domain has fewer values, each value occurs once.
+    /// Edges come first and are at most half of the rows. If the domain has fewer than `cases` values, each value
+    /// occurs once.
     pub(crate) fn rows(&self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
         let numbering = Numbering::of(&self.domain, seed, cases as u64, cases as u64);
         let mut rows = Vec::new();
@@ -513,7 +515,7 @@ impl Arguments {
         self.select(rows, count, |at| draw == 0 || count < SHARE || at % SHARE == draw % SHARE)
     }
 
-    /// Returns the rows for whose numbers `wanted` returns `true`.
+    /// Returns the rows that `wanted` selects by their index.
     pub(crate) fn select(
         &self,
         rows: &[u32],
@@ -588,8 +590,8 @@ impl Arguments {
         (0..count).flat_map(|at| (0..width).map(move |own| lane(at, own))).collect()
     }
 
-    /// A measure of how unusual a row is: its number of extreme values, and its number of values other than 0, 1, -1
-    /// and the largest generated values of their type.
+    /// Two measures of how unusual a row is: the number of very large or very small floats, and the number of values
+    /// that aren't plain. Plain values are 0, 1, -1 and the largest numbers that Karat generates.
     pub(crate) fn oddity(&self, row: &[u32]) -> [usize; 2] {
         /// The largest usual magnitude. Positions, times and sizes are rarely larger.
         const MOST: f32 = 1e4;
@@ -657,7 +659,8 @@ impl Arguments {
 
     /// Checks if all undeclared integers of a row are small, so that a loop that counts to such an integer ends soon.
     pub(crate) fn counts_little(&self, row: &[u32]) -> bool {
-        /// With this count, three nested loops have 512 iterations together, far fewer than a long loop.
+        /// The largest magnitude that counts as small. With 8 iterations each, three nested loops have only 512
+        /// iterations.
         const MOST: u32 = 8;
         self.lanes().zip(row).all(|((one, scalar), word)| match scalar {
             Scalar::I32 => one.declared || word.cast_signed().unsigned_abs() <= MOST,
@@ -732,7 +735,7 @@ impl MadeUp {
         Ok(Self { lanes: Vec::new(), fixtures, members, drawn })
     }
 
-    /// The arguments by their names in the function.
+    /// The names and values of the arguments.
     #[must_use]
     pub fn arguments(&self, function: &Function) -> Vec<(String, String)> {
         let mut rest = &*self.lanes;
@@ -855,7 +858,7 @@ mod tests {
         (probed, Ranges::default())
     }
 
-    /// A function with few values has few rows. All these rows run over each content of the resources.
+    /// A function with few possible inputs has few rows. All these rows run over each content of the resources.
     #[test]
     fn a_function_with_few_rows_is_tried_with_all_of_them() {
         let (probed, ranges) = function("fn f(b: bool) -> bool { return b; }");

@@ -1,11 +1,11 @@
 //! Checks naga's translations of a package's functions and entry points, on every route.
 //!
 //! A *row* of the matrix is a function or an entry point. A *column* is a path, or a language for which Karat has no
-//! path. A *cell* is a row on a column. The cell's status is the last step that succeeded: naga translates the row
-//! ([`Status::Translated`]), every installed validator of the language accepts the translation ([`Status::Valid`]), the
-//! row runs on sampled inputs ([`Status::Executed`]), and its results equal those of another column
-//! ([`Status::Agrees`]). If a step fails, [`Stop`] has the reason, with the message of naga or of the tool. A row is
-//! valid only if a validator accepts it, and executed only if a driver ran it.
+//! path. A *cell* is the result of a row in a column. The cell's status is the last step that succeeded: naga
+//! translates the row ([`Status::Translated`]), every installed validator of the language accepts the translation
+//! ([`Status::Valid`]), the row runs on sampled inputs ([`Status::Executed`]), and its results equal those of another
+//! column ([`Status::Agrees`]). If a step fails, [`Stop`] has the reason, with the message of naga or of the tool. A
+//! row is valid only if a validator accepts it, and executed only if a driver ran it.
 
 mod allowed;
 mod column;
@@ -147,7 +147,7 @@ impl Stop {
     }
 }
 
-/// A row on one column.
+/// The result of a row in one column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
     /// The cell's status; `None` if the translation failed.

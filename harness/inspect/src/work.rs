@@ -1,5 +1,5 @@
-//! Selects the cases in which a function runs. In a selected case, no loop has more than 4,096 iterations. The selected
-//! cases are evenly spread over all cases, and their number is as large as the function's work budget allows.
+//! Selects the cases with which Karat runs a function. In a selected case, no loop has more than 4,096 iterations. The
+//! selected cases are evenly spread over all cases, and their number is as large as the function's work budget allows.
 
 use std::borrow::Cow;
 

@@ -1228,7 +1228,8 @@ fn a_tail_without_its_guard_is_found() {
     }
 }
 
-/// The values in `s` decide which invocations swap elements, but no two invocations swap the same element.
+/// The values in `s` decide which invocations swap elements. Without a barrier, other invocations may read a swapped
+/// element too early.
 #[test]
 fn a_race_that_data_decide_is_found() {
     let text = |barrier: &str| {
@@ -1270,7 +1271,7 @@ fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     }
 }
 
-/// A case loses its digits independently of all other cases.
+/// The other cases of a run don't affect the verdict on a case.
 #[test]
 fn lost_digits_are_judged_case_by_case() {
     let package = Package::from_source("planted", "fn f(r: f32) -> f32 { return exp(r) - 1.0; }");
@@ -1286,7 +1287,7 @@ fn lost_digits_are_judged_case_by_case() {
     package.function("f").over(OneOf(vec![0.01_f32, 0.5, 80.0])).has_no_hazards();
 }
 
-/// If a range contains 0, samples include numbers near 0, both in tests and for unconstrained numbers.
+/// If a range contains 0, samples include numbers near 0. Samples of unconstrained numbers do, too.
 #[test]
 fn digits_are_lost_near_a_zero_inside() {
     let grows = "fn f(x: f32) -> f32 { return exp(x) - 1.0; }";
@@ -1532,8 +1533,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Karat reports no hazard that the declarations in `karat.toml` exclude. The test declares distinct elements, lengths,
-/// workgroups, directions, and inputs of one function.
+/// Karat reports no hazard that the declarations in `karat.toml` exclude. In this test, each declaration excludes the
+/// hazards of one function. For example, `length(out)` is a multiple of 64.
 #[test]
 fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,5 @@
-//! Compares a function's interface with its host before and after an edit: resources, attributes and overrides.
+//! Compares the interface that a function shows to its host before and after an edit: resources, attributes and
+//! overrides.
 
 use std::collections::BTreeSet;
 
@@ -50,8 +51,8 @@ pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)
 }
 
 /// Gives renamed resources, and resources with renamed members, the same contents in both packages. Otherwise the
-/// contents would differ, because they depend on names. If only one version writes a resource, both packages get the
-/// contents of this version.
+/// contents would differ, because they depend on names. If only one version of the function writes a resource, Karat
+/// copies this version's contents to the other package.
 pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     let mut named = renamed(Side::of(before), Side::of(after));
@@ -207,7 +208,7 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
 }
 
 /// The signatures of a function before and after an edit. If the signatures are equal and the function writes memory,
-/// the texts also name the written variables.
+/// each of the two texts also names the written variables.
 pub(super) fn signatures(sides: [&Probed; 2]) -> [String; 2] {
     let shown = sides.map(|one| one.function.to_string());
     if shown[0] != shown[1] || sides.iter().all(|one| one.function.written().next().is_none()) {

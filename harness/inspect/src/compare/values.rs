@@ -4,8 +4,8 @@ use crate::limits::VISIBLE;
 use karat_core::tolerance::ulp_distance;
 use karat_core::value::{Scalar, Shape, format_lane};
 
-/// The largest number of components of a result that is shown as a whole. If a result is larger, for example a buffer,
-/// only the changed components are shown.
+/// The number of components up to which Karat shows a whole result. Of a larger result, for example a buffer, Karat
+/// shows only the changed components.
 const WHOLE: usize = 16;
 
 /// A result as text. The text has only the changed components if the result is long, or if `is_whole` is `false`.
@@ -44,8 +44,8 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// Checks if the distance shows the change about as clearly as the largest distance: the distance in steps is at
-    /// least the square root of the largest distance.
+    /// Checks if this distance is almost as good an example of the change as the largest distance. For floats, the
+    /// number of steps must be at least the square root of the largest number of steps.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
@@ -128,7 +128,7 @@ impl Largest {
 mod tests {
     use super::*;
 
-    /// Lanes are compared bit by bit, except for NaN.
+    /// Two NaN with different bits are equal as floats. The same bits differ as integers.
     #[test]
     fn the_distance_of_two_words_depends_on_their_type() {
         let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());

@@ -35,8 +35,8 @@ impl Callers {
         self.by_called.contains_key(function)
     }
 
-    /// Returns the functions through which Karat judges a function: the checked direct and indirect callers of the
-    /// function, except for callers that another checked caller calls. Without a checked caller, returns the function.
+    /// Returns the functions whose runs decide the class of a function's findings: the last checked caller in each
+    /// chain of callers. If there is no checked caller, returns the function itself.
     pub(super) fn roots<'c>(
         &'c self,
         function: &'c str,

@@ -26,7 +26,7 @@ pub(super) type Key = (usize, Kind);
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
-/// The operation's number in the [`Key`] of a loop that may not end.
+/// The number in the [`Key`] of a possibly endless loop. Such a finding has no operation.
 const LOOP: usize = usize::MAX;
 
 /// A function, the inputs over which Karat runs the function, and the findings of this run.
@@ -105,7 +105,7 @@ type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 const EACH: &(dyn Fn(&Found) -> bool + Sync) = &|_| true;
 
 impl Trial {
-    /// Runs a function without side effects, and collects its findings.
+    /// Runs a function that has no side effects, and collects its findings.
     pub(super) fn of(
         name: &str,
         probed: Probed,
@@ -168,7 +168,8 @@ impl Trial {
         Ok(tally)
     }
 
-    /// Adds a finding if a loop may not end, and counts the samples of free inputs for which the loop runs long.
+    /// Adds a finding if a loop is possibly endless, and counts the samples of free inputs for which the loop has too
+    /// many iterations.
     fn endless(
         &self,
         tally: &mut Tally,
@@ -512,8 +513,8 @@ impl Trial {
     }
 }
 
-/// Checks if a finding of this kind counts as a fault only if all inputs are declared. With arbitrary inputs, most
-/// functions lose digits somewhere, or use an operation for which WGSL bounds no error.
+/// Checks if findings of this kind are faults only in functions whose inputs are all declared. With arbitrary inputs,
+/// most functions lose digits somewhere, or use an operation for which WGSL bounds no error.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
 }

@@ -18,7 +18,8 @@ use crate::made_up::{Content, Input, Mix, Numbered, Ranges, Resources};
 
 use rayon::prelude::*;
 
-/// The first argument's name in a finding in a pass. The argument's value is the invocation that goes wrong.
+/// The name of the first entry in [`Hazard::arguments`] for a pass. The entry's value is the invocation that goes
+/// wrong.
 pub(super) const INVOCATION: &str = "invocation";
 
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
@@ -48,7 +49,8 @@ fn plain() -> [Content; 3] {
     [Numbered::Zero, Numbered::One, Numbered::Apart].map(|how| Content::OF_PASSES[0].numbered(how))
 }
 
-/// Further contents that may avert a finding: plain numbers, long arrays, and a single workgroup.
+/// Further contents with which Karat tries to avert a finding: the contents of [`plain`], contents with long arrays,
+/// and contents for a dispatch of one workgroup.
 fn others() -> Vec<Content> {
     let [first, second, ..] = Content::OF_PASSES;
     let one = [first, first.numbered(Numbered::Apart)].map(Content::of_one_workgroup);
@@ -102,17 +104,19 @@ impl InContent {
         }
     }
 
-    /// Checks if the finding occurs. If two writes race over other contents, the finding also occurs over a content
-    /// with which the two writes are equal, for example because both write 0.
+    /// Checks if the finding occurs over this content. A race also occurs if both invocations write the same value, for
+    /// example 0.
     fn is_wrong(&self, key: &Key) -> bool {
         let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
         self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
     }
 }
 
-/// Checks if a finding always occurs. The pass must reach the finding's operation over enough contents, the finding
-/// must occur over each of these contents, and there must be an invocation that goes wrong whenever it reaches the
-/// operation.
+/// Checks if a finding always occurs. Three conditions must hold:
+/// - The pass reaches the finding's operation over at least [`CONTENTS`] contents.
+/// - The finding occurs over each of these contents.
+/// - If single invocations go wrong, at least one of them goes wrong over each content with which it reaches the
+///   operation.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;
@@ -410,7 +414,7 @@ impl Looked<'_> {
     }
 }
 
-/// Texts for [`Hazard::needs`]: a change of the number of workgroups, or of sizes, may avert a finding in a pass.
+/// An entry of [`Hazard::needs`] for a pass: the finding disappears with another number of workgroups.
 const WORKGROUPS: &str = "another number of workgroups";
 const SIZES: &str = "other sizes of arrays and textures";
 

@@ -12,13 +12,14 @@ pub(crate) enum Numbered {
     /// The last element is 0, and each earlier one is larger by 1. Ascending values would hide that a pass doesn't
     /// sort.
     Backwards,
-    /// 0 and 1, as in cells and flags.
+    /// Zeros and ones in irregular order, as in an array of flags.
     Bits,
-    /// All integers and floats are 0. An index that is still outside of its array doesn't come from the contents.
+    /// All integers and floats are 0. If an index is outside of its array even then, the contents aren't the cause.
     Zero,
     /// All integers and floats are 1.
     One,
-    /// 0, 65536, 131072 and so on: so far apart that sums of an index and different elements never coincide.
+    /// 0, 65536, 131072 and so on. The steps are larger than usual indices, so `a[i] + k` and `a[j] + l` differ if `i`
+    /// and `j` differ.
     Apart,
 }
 
@@ -66,9 +67,9 @@ pub(crate) enum Texels {
 /// Selects the runtime-sized arrays and textures that have fewer elements than others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
-    /// Resources with a small hash of their names have more elements than others.
+    /// The larger the hash of a resource's name (modulo 8) is, the fewer elements the resource has.
     Most,
-    /// Resources with a large hash of their names have more elements than others.
+    /// The larger the hash of a resource's name (modulo 8) is, the more elements the resource has.
     Least,
 }
 
@@ -90,9 +91,10 @@ pub(crate) struct Content {
     /// the workgroup size.
     pub(crate) tail: Option<[u32; 2]>,
     /// The number of elements for each invocation of a one-dimensional dispatch; the elements then form a grid of
-    /// several rows. The grid itself causes no races.
+    /// several rows.
     pub(super) rows: Option<u32>,
-    /// `true` if unconstrained floats in arrays are negative, so that a missing element changes the result.
+    /// `true` if unconstrained floats in arrays are negative. A read outside of an array gives 0, which then changes a
+    /// maximum.
     pub(super) negative: bool,
     /// Selects the runtime-sized arrays and textures that are shorter than others; `None` if all have the same size.
     pub(crate) shorter: Option<Shorter>,
@@ -129,7 +131,7 @@ const DRAWN: Content = Content {
 impl Content {
     /// The contents that functions read. The first content has random samples. In the second content, each member has
     /// its first preferred number, in the third content its second one, and so on. Preferred numbers include ends of
-    /// ranges, 0 and 1. Textures have another size in each content. A short array shows a missing guard.
+    /// ranges, 0 and 1. Textures have another size in each content. Short arrays reveal missing bounds checks.
     pub(crate) const OF_FUNCTIONS: [Self; 6] = [
         DRAWN,
         Self { draw: 1, ..DRAWN },

@@ -99,9 +99,10 @@ impl Extents {
     /// times `count` if resources are long. Of two resources, the one with the smaller share under `Shorter::Most` has
     /// the larger share under `Shorter::Least`.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
-        /// The largest and the smallest share, in sixteenths. The smallest share is more than half, because a host
-        /// dispatches no workgroup without elements.
+        /// The largest share, in sixteenths.
         const MOST: u32 = 16;
+        /// The smallest share, in sixteenths. It is more than half, because a host dispatches no workgroup without
+        /// elements.
         const LEAST: u32 = 9;
         /// The factor by which long resources are longer than usual; for a texture, in each direction. A pass that
         /// halves the size at each level then has four levels.

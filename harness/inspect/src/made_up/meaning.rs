@@ -1,4 +1,4 @@
-//! The ranges that names suggest.
+//! Determines the ranges that the names of inputs suggest: `roughness` is from 0 to 1.
 
 use karat_core::domain::Part;
 use karat_core::value::{Scalar, Shape};
@@ -167,7 +167,7 @@ const COUNTS: [&str; 20] = [
     "total",
 ];
 
-/// Words that suggest a small count, in names of integers. With a large count, a loop would take too long.
+/// Words that suggest an index or a small count, in names of integers. With a large count, a loop would take too long.
 const INDICES: [&str; 17] = [
     "i",
     "j",

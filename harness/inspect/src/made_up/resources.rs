@@ -19,8 +19,8 @@ const MOST: u64 = 16;
 /// The seed of all resources. A variable's contents depend on the variable's name, and are the same on every machine.
 pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
-/// Sets the lengths of the resources that a function writes to the lengths of its generated resources. If the function
-/// takes derivatives, its arguments also get derivatives.
+/// Gives each resource that a function writes the same length as the resource that Karat generates for it. If the
+/// function computes derivatives, its arguments also get derivatives.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
     if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {
@@ -459,8 +459,8 @@ fn described_elements(
 }
 
 impl Ranges {
-    /// Checks if a number in an array element follows from the element's index. The content numbers only integers
-    /// without a declaration.
+    /// Checks if a number in an array element follows from the element's index. In some contents, this is the case for
+    /// integers without a declaration.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
@@ -517,8 +517,8 @@ enum Likeness {
     Own,
 }
 
-/// Generates fixtures with which drivers agree, for each resource that the function reads. An error names the resource
-/// that can't be generated.
+/// Generates a fixture for each resource that the function reads. With these fixtures, correct drivers return the same
+/// results. An error names the resource that can't be generated.
 pub(crate) fn fixtures(
     probed: &Probed,
     ranges: &Ranges,
@@ -702,7 +702,7 @@ fn texture_or_sampler(
 /// Rounds a texel to numbers that 16-bit floats can represent. On GL, textures with 16-bit floats replace filtered
 /// textures of `f32`.
 fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
-    /// The number of steps in a unit. A 16-bit float below 8 has at least these steps.
+    /// The number of steps from one integer to the next. 16-bit floats below 8 can represent all these steps.
     const STEPS: f32 = 128.0;
     (texel * STEPS).round() / STEPS
 }
@@ -715,9 +715,10 @@ struct Noise<'l> {
 }
 
 impl Noise<'_> {
-    /// A hash selects about half of the squares of 4 x 4 texels. In a selected square, returns the value of all texels:
-    /// 0, 1, a number from the shader's text, or one of the two neighbouring floats. In other squares, returns `None`.
-    /// In the middle of a selected square, filtering doesn't change the value.
+    /// Returns the value of a texel in a selected square of 4 x 4 texels, or `None` in other squares. A hash selects
+    /// about half of the squares. All texels of a selected square have the same value, so filtering doesn't change the
+    /// value in the middle of the square. The value is 0, 1, a number from the shader's text, or one of the two floats
+    /// next to such a number.
     fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
         const SIDE: u32 = 4;
         if self.literals.is_empty() {
@@ -865,7 +866,8 @@ mod tests {
         bytemuck::pod_collect_to_vec(bytes(buffer))
     }
 
-    /// A short array shows a missing guard. A written array has a fixed length, because Karat reads it back.
+    /// An array that is only read has a different length in some contents: a short array reveals a missing bounds
+    /// check. A written array has a fixed length, because Karat reads it back.
     #[test]
     fn arrays_that_are_read_have_several_lengths() {
         let probed = probed(

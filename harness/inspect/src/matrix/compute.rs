@@ -182,8 +182,9 @@ fn pass(passes: &Passes) -> &Pass {
 /// seconds.
 const PATIENCE: u32 = 4096;
 
-/// Refuses a pass whose loops don't end with the generated data, because it would hang a driver. If naga's module shows
-/// no bound for the loops, this function runs a copy of the pass that leaves each loop after [`PATIENCE`] iterations.
+/// Refuses a pass whose loops run too long on the generated data, because such a pass may hang a driver. If naga's
+/// module shows no bound for the loops, this function runs a copy of the pass that leaves each loop after [`PATIENCE`]
+/// iterations.
 fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let Pass { program, entry_point, workgroups, bindings, .. } = pass(passes);
     if program.most_rounds().is_some_and(|rounds| rounds < u64::from(PATIENCE)) {

@@ -44,7 +44,7 @@ pub(super) struct Comparison {
     pub(super) compared: usize,
     /// The cases that differ although WGSL defines the result.
     pub(super) differing: Vec<usize>,
-    /// The number of cases with a differing lane in which WGSL allows both results.
+    /// The number of cases in which a lane differs, and WGSL allows both values.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
@@ -54,7 +54,8 @@ pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
     within: &'j Tolerance,
     /// The scale of each component: the largest magnitude of the component's results, but at most 1; 1 if all results
-    /// are 0. Absolute tolerances are relative to this scale. Otherwise, all small results would count as equal.
+    /// are 0. Results are divided by their scale before an absolute tolerance applies. Otherwise, all small results
+    /// would count as equal.
     scales: Vec<f64>,
 }
 

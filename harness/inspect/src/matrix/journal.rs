@@ -40,7 +40,7 @@ struct Culprit {
     why: String,
 }
 
-/// The rows of a package that ran when earlier processes ended.
+/// The rows of a package that were running when earlier processes ended.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     file: Option<PathBuf>,
@@ -268,7 +268,8 @@ mod tests {
         }
     }
 
-    /// A row that crashes outside of its dispatches causes one finding. An incomplete line hides no other line.
+    /// A row that crashes outside of its dispatches causes one finding. If the journal has an incomplete line, Karat
+    /// still reads the other lines.
     #[test]
     fn a_row_that_crashes_before_its_dispatches_is_one_finding() {
         let folder = tempfile::tempdir().expect("a folder");

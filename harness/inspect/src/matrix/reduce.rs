@@ -138,7 +138,7 @@ mod tests {
         }
     }
 
-    /// Some drivers use one invocation's value for all invocations of a run.
+    /// Some drivers compute the results of all invocations from the arguments of one invocation.
     // Lesson 156
     #[test]
     fn a_difference_that_needs_other_invocations_is_not_simplified() {

@@ -25,7 +25,7 @@ pub(super) struct Ready {
     pub(super) made: Vec<Made>,
 }
 
-/// A function in the kernel that calls it, or an entry point in the author's module.
+/// The function or the entry point of a row. A function has a kernel that calls it.
 pub(super) enum About {
     Function(Box<Probed>),
     EntryPoint { program: Arc<Program>, name: String },

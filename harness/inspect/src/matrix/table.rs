@@ -342,8 +342,8 @@ impl Matrix {
         self.expect_but(column, status, &[]);
     }
 
-    /// Does the same as [`expect`](Self::expect), except for the rows in `known`, each with a reason. A declared row
-    /// must not reach the status, because its declaration would be outdated.
+    /// Does the same as [`expect`](Self::expect), except for the rows in `known`, each with a reason. If a declared row
+    /// reaches the status, its declaration is outdated, and the check fails.
     ///
     /// # Panics
     /// Panics in the same cases as [`expect`](Self::expect), and also if a declared row reaches the status.

@@ -1,5 +1,5 @@
-//! Runs a fragment function that writes storage as a pass. Each invocation is a pixel, and nothing orders the pixels of
-//! a draw.
+//! Makes a pass from a fragment function that writes storage. Each invocation is a pixel, and the pixels run in no
+//! fixed order.
 
 use std::sync::Arc;
 
