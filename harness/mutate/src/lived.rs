@@ -18,7 +18,8 @@ use crate::maker::{Mutant, Rule};
 pub enum Lived {
     /// For an input that no test has, the mutant's result differs from the original's.
     Differs(Difference),
-    /// Karat found no input for which the results differ. Untested inputs may still differ.
+    /// Karat found no input for which the results differ. The results can still differ for inputs that Karat didn't
+    /// try.
     Unseen {
         /// The number of inputs that Karat tried.
         cases: usize,

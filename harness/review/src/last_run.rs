@@ -14,7 +14,7 @@ pub struct LastRun {
     pub failures: Vec<Failure>,
 }
 
-/// The record of a frame: the test that drew the frame.
+/// The test that drew a frame.
 #[derive(Clone, Debug, Default)]
 pub struct FrameRun {
     /// The name of the test.
@@ -53,7 +53,6 @@ impl FrameRun {
 }
 
 impl Failure {
-    /// Returns the data for the page.
     pub(super) fn value(&self) -> Value {
         json!({
             "name": self.name,

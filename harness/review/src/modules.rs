@@ -1,4 +1,4 @@
-//! Finds the modules that changed since a golden: by the hashes in golden and frame, or otherwise with git.
+//! Finds the modules that changed since a golden was made: by the hashes in golden and frame, or otherwise with git.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -79,7 +79,7 @@ enum Untold {
     Failed,
 }
 
-/// The latest commit of the golden, if the golden hasn't changed since.
+/// The commit that last changed a golden. The golden has no uncommitted changes.
 struct Since {
     root: PathBuf,
     commit: String,

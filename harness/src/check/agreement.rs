@@ -56,7 +56,7 @@ struct Comparison<'c> {
     tolerance: &'c Tolerance,
     /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// Becomes `true` as soon as the comparison of a result with its reference can show a mistake (see `tells`).
+    /// Becomes `true` after the first conclusive comparison (see `tells`).
     told_apart: &'c AtomicBool,
 }
 
@@ -92,8 +92,8 @@ impl Judge for Comparison<'_> {
     }
 }
 
-/// Checks if comparing the result with its reference can show a mistake. If the result and the reference are
-/// subnormal and differ, a driver may flush both to 0. Then the comparison can't show a mistake.
+/// Checks if the comparison of a result with its reference is conclusive. The comparison is inconclusive if, in every
+/// component, the two are different subnormal numbers, because a driver may flush both to 0.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);

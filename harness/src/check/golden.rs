@@ -27,7 +27,7 @@ use crate::value::{Scalar, Shape};
 /// keeps the rows forever.
 const CASES: u64 = 256;
 
-/// If a finite domain has at most this many values, the golden contains all of them by default.
+/// The largest size of a finite domain for which the golden contains every value by default.
 const ENUMERATED: u64 = 1024;
 
 impl<V> Check<'_, Calls<V>> {
@@ -231,7 +231,7 @@ struct Comparison<'c> {
 
 impl Comparison<'_> {
     /// Makes this path's values pending if no values are pending yet. The values of the path that makes goldens (see
-    /// `canonical`) also replace other paths' `Left::Other` values.
+    /// `canonical`) replace values that another path left as `Left::Other`.
     fn leave(
         &self,
         session: &Session<'_>,
