@@ -200,7 +200,7 @@ impl<'a> Probe<'a> {
     /// With `on`, the variables `KARAT_PATHS` and `KARAT_REQUIRE` select no paths: Karat only checks these variables
     /// for mistakes. Some verbs take a second function, such as the density of a sampler. The second function runs on
     /// the executors of the first function, and can't have executors of its own. Don't give an executor the path of a
-    /// driver, such as `vulkan`. Name the executor's path `cpu`, or add a name of your own after `@`, as in
+    /// driver, such as `vulkan`. Name the executor's path `cpu`, or add your own name to a driver's path, as in
     /// `vulkan@mine`.
     ///
     /// ```no_run

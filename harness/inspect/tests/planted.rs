@@ -46,7 +46,8 @@ fn faults_of_transformations_are_seen_in_the_vertices() {
     changed("vec4f(position, 1.0)", "vec4f(position, 0.0)", "vs_main");
 }
 
-/// `compare` compares the values that a compute pass writes. Another workgroup size doesn't change these values.
+/// `compare` compares the values that a compute pass writes. If an edit changes only the workgroup size, these values
+/// stay the same.
 #[test]
 fn faults_of_passes_are_seen_in_what_they_leave() {
     let blur = changed("k <= 2", "k < 2", "blur_x");

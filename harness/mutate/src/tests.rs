@@ -439,7 +439,8 @@ fn places_of_mutants_count_characters_of_the_source() {
     assert!(matches!(error, MutateError::Printed), "{error}");
 }
 
-/// A mutant isn't killed if its loop never ends, or if an `@if` removes its code. A mutant of `0u` is valid.
+/// A mutant isn't killed if its loop never ends, or if an `@if` removes its code. Replacing `0u` with `1u` gives valid
+/// WGSL.
 // Lesson 29
 // Lesson 30
 #[test]

@@ -350,8 +350,8 @@ impl<'a> Request<'a> {
         if named.next().is_some() { Err(Repeated) } else { Ok(first) }
     }
 
-    /// Marks this request as valid. If there are too many connections, the server first closes those without a valid
-    /// request.
+    /// Marks this request as valid. If there are too many connections, the server first closes connections without a
+    /// valid request.
     pub fn admit(&self) {
         self.connection.open.change(|entries| {
             for entry in entries {

@@ -92,8 +92,8 @@ impl Judge for Comparison<'_> {
     }
 }
 
-/// Checks if the comparison of a result with its reference is conclusive. The comparison is inconclusive if, in every
-/// component, the two are different subnormal numbers, because a driver may flush both to 0.
+/// Checks if the comparison of a result with its reference is conclusive. If result and reference are different
+/// subnormal numbers in every component, the comparison is inconclusive, because a driver may flush both to 0.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);
