@@ -345,7 +345,8 @@ fn suffix_of(shape: &Shape) -> Option<String> {
     })
 }
 
-/// A value in Rust: an argument, or the result of a reference, which computes in `f64`.
+/// The Rust code for a value. If `reference` is `true`, the code is for the result of a reference, in `f64`; otherwise
+/// for an argument.
 fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     let (scalar, parts) = components(value, shape)?;
     let one = |part: &str| match scalar {

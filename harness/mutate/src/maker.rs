@@ -20,7 +20,7 @@ pub enum Rule {
     Comparison,
     /// `||` in place of `&&`, or a missing `!`.
     Logic,
-    /// 0, 1 or 2, the doubled number, or a slightly larger number.
+    /// A number replaced by 0, 1, 2, its double, or a slightly larger number.
     Number,
     /// A missing term or factor.
     Operand,
@@ -546,7 +546,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// The parentheses of the call at `at`. They may follow template arguments.
+    /// The parentheses of the call at `at`. Template arguments can stand between the name and the parentheses.
     fn parentheses(&self, at: usize) -> Option<(usize, usize)> {
         if matches!(self.word(at), "if" | "for" | "while" | "switch" | "return" | "else") {
             return None;

@@ -25,7 +25,7 @@ pub(super) struct Expected<'e> {
     pub(super) expect: Expect<'e>,
 }
 
-/// Calls `then` with the reference as an [`Expected`], whose type doesn't depend on the reference.
+/// Wraps the reference in an [`Expected`], which has the same type for every reference, and calls `then` with it.
 pub(super) fn with_reference<A: Arguments, T>(
     reference: &impl Reference<A>,
     then: impl FnOnce(Expected<'_>) -> T,

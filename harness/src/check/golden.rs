@@ -37,8 +37,8 @@ impl<V> Check<'_, Calls<V>> {
     ///
     /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at most 1,024
     /// values. To set another number, call [`cases`](Self::cases). The sampled arguments depend on the golden's name,
-    /// so you can rename the test. If you change the domain, and Karat samples other arguments than the golden
-    /// contains, the check fails until you accept the new values.
+    /// so you can rename the test. If you change the domain, and Karat samples arguments that the golden doesn't
+    /// contain, the check fails until you accept the new values.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};

@@ -367,7 +367,7 @@ fn of_herbie() -> Vec<Expression> {
 /// Checks if the result loses more than half of its digits, or isn't finite, for some inputs in the ranges. Compares
 /// the result in `f32` with the result in `f64`.
 fn loses(expression: &Expression) -> bool {
-    /// Half of an `f32`'s 24 binary digits.
+    /// The relative error of a result that has lost half of an `f32`'s 24 binary digits.
     const HALF: f64 = 1.0 / 4096.0;
     const POINTS: u64 = 1 << 17;
     let mut state = 1_u64;
