@@ -197,10 +197,10 @@ impl<'a> Probe<'a> {
     /// Runs the function on this executor, instead of on the paths that environment variables select. Further calls add
     /// more executors.
     ///
-    /// `KARAT_PATHS` and `KARAT_REQUIRE` don't affect this function: Karat only checks these variables for
-    /// mistakes. Some verbs take a second function, such as the density of a sampler. The second function runs
-    /// on the executors of the first function, and can't have executors of its own. Don't give an executor the
-    /// path of a driver, such as `vulkan`. Call the executor's path `cpu`, or add a maker's name, as in
+    /// With `on`, the variables `KARAT_PATHS` and `KARAT_REQUIRE` select no paths: Karat only checks these variables
+    /// for mistakes. Some verbs take a second function, such as the density of a sampler. The second function runs on
+    /// the executors of the first function, and can't have executors of its own. Don't give an executor the path of a
+    /// driver, such as `vulkan`. Name the executor's path `cpu`, or add your own name to a driver's path, as in
     /// `vulkan@mine`.
     ///
     /// ```no_run
@@ -371,10 +371,9 @@ impl<'a, C> Check<'a, C> {
     /// Declares that the check fails on a path. The reason is a text, such as the number of a driver's bug.
     ///
     /// On that path at least one case must fail. If every case passes, the check fails until you remove the
-    /// declaration. The declaration excuses every wrong value on that path, also NaN. If a path only loses
-    /// digits, use [`tolerance_on`](Self::tolerance_on) instead. An endless loop is an error in spite of the
-    /// declaration. Karat judges the other paths as usual. `karat test` counts the check as a known issue,
-    /// never as a pass.
+    /// declaration. The declaration excuses every wrong value on that path, including NaN. If a path only loses digits,
+    /// use [`tolerance_on`](Self::tolerance_on) instead. An endless loop is an error in spite of the declaration. Karat
+    /// judges the other paths as usual. `karat test` counts the check as a known issue, never as a pass.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

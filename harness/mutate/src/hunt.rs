@@ -265,7 +265,8 @@ impl Request {
         Self { frames: true, ..self }
     }
 
-    /// Finds the selected mutants, in the order of modules and positions. Also returns their number before sampling.
+    /// Finds the selected mutants, in the order of modules and positions. Also returns the number of mutants that the
+    /// request selects before it takes a sample.
     ///
     /// # Errors
     /// Returns an error if Karat can't read the package.

@@ -18,7 +18,8 @@ use crate::maker::{Mutant, Rule};
 pub enum Lived {
     /// For an input that no test has, the mutant's result differs from the original's.
     Differs(Difference),
-    /// Karat found no input for which the results differ. Untested inputs may still differ.
+    /// Karat found no input for which the results differ. The results can still differ for inputs that Karat didn't
+    /// try.
     Unseen {
         /// The number of inputs that Karat tried.
         cases: usize,
@@ -344,7 +345,8 @@ fn suffix_of(shape: &Shape) -> Option<String> {
     })
 }
 
-/// A value in Rust: an argument, or the result of a reference, which computes in `f64`.
+/// The Rust code for a value. If `reference` is `true`, the code is for the result of a reference, in `f64`; otherwise
+/// for an argument.
 fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     let (scalar, parts) = components(value, shape)?;
     let one = |part: &str| match scalar {

@@ -20,7 +20,7 @@ pub enum Rule {
     Comparison,
     /// `||` in place of `&&`, or a missing `!`.
     Logic,
-    /// 0, 1 or 2, the doubled number, or a slightly larger number.
+    /// A number replaced by 0, 1, 2, its double, or a slightly larger number.
     Number,
     /// A missing term or factor.
     Operand,
@@ -146,7 +146,7 @@ pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
     found
 }
 
-/// Calls a function for each value below a `with` key, with the value's own key.
+/// Calls `visit` with the key and the value of each entry below a `with` key.
 fn below<'t>(
     table: &'t DeTable<'_>,
     is_below: bool,
@@ -243,8 +243,8 @@ impl<'a> Maker<'a> {
         self.tokens.get(at).map_or("", |token| token.text)
     }
 
-    /// The index of the `>` that ends the template argument list after a `<`. Returns `None` if the `<` is a
-    /// comparison: a token such as `;` or `&&` can't be in such a list.
+    /// The index of the `>` that ends the template argument list after a `<`. Returns `None` if a token such as `;` or
+    /// `&&` comes before the `>`: then the `<` is a comparison.
     fn template_end(&self, at: usize) -> Option<usize> {
         let after_word = at > 0 && self.tokens[at - 1].kind == Kind::Word;
         if self.word(at) != "<" || !after_word {
@@ -441,8 +441,8 @@ impl<'a> Maker<'a> {
         first
     }
 
-    /// The index of the right operand's last token. The operand ends before the next operator that doesn't bind more
-    /// tightly than the operator at `at`.
+    /// The index of the right operand's last token. The operand ends before the next operator that binds as tightly as
+    /// the operator at `at`, or less tightly.
     fn right_operand(&self, at: usize) -> usize {
         let binds = precedence(self.word(at));
         let mut last = at;
@@ -546,7 +546,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// The parentheses of the call at `at`. They may follow template arguments.
+    /// The parentheses of the call at `at`. Template arguments can stand between the name and the parentheses.
     fn parentheses(&self, at: usize) -> Option<(usize, usize)> {
         if matches!(self.word(at), "if" | "for" | "while" | "switch" | "return" | "else") {
             return None;
@@ -600,7 +600,7 @@ fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
     found
 }
 
-/// Checks if a word begins like the name of a type or a built-in function that may have template arguments.
+/// Checks if a word, such as `vec3`, `array` or `bitcast`, can have template arguments.
 fn is_generic(word: &str) -> bool {
     let begins = ["vec", "mat", "array", "ptr", "atomic", "texture_", "var", "bitcast"];
     begins.iter().any(|begin| word.starts_with(begin))

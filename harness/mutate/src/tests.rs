@@ -15,7 +15,8 @@ const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1
                      [[test]]\nfunction = \"capped\"\nover = { x = \"-4..4\" }\nagrees_with = \"capped_once\"\n\
                      tolerance = \"1 ulp\"\n";
 
-/// The reference in the tests of `capped`. The requests select no mutants of the reference's module.
+/// The module `other`: its function `square` is the reference for `capped`. The requests select no mutants of this
+/// module.
 const REFERENCE: &str = "fn square(x: f32) -> f32 { return x * x; }\n";
 
 fn folder(shader: &str, tests: &str) -> TempDir {
@@ -160,7 +161,7 @@ fn guards_that_never_act_are_equal() {
     assert_eq!(fate("k", "5.0", "10.0"), Fate::Equal { by: Equality::Operations });
 }
 
-/// A mutant in code that a pass doesn't link isn't tested by the pass's test.
+/// A mutant is untested if the only test runs a pass that doesn't import the mutated module.
 // Lesson 209
 #[test]
 fn a_test_of_a_pass_covers_only_the_code_that_the_pass_links() {
@@ -265,8 +266,8 @@ fn suggested_tests_kill() {
     }
 }
 
-/// The suggested tests in WGSL kill the mutants, like the tests in TOML. The tests in Rust are only compared with their
-/// expected lines.
+/// The suggested tests in WGSL kill the mutants, like the tests in TOML. The suggested tests in Rust don't run here:
+/// this test only searches their text for expected lines.
 #[test]
 fn tests_are_suggested_in_three_languages() {
     let shader = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
@@ -415,8 +416,8 @@ fn constants_reach_other_modules() {
     assert_eq!(found.function, "user::free");
 }
 
-/// Lines and columns count characters of the author's text, not bytes. Karat refuses to mutate text that a program
-/// prints.
+/// Lines and columns count characters of the author's text, not bytes. Karat refuses to mutate modules that the program
+/// `preprocess` in `karat.toml` prints.
 #[test]
 fn places_of_mutants_count_characters_of_the_source() {
     let shader = "// \u{e9}\u{1f600}\r\nfn half(x: f32) -> f32 { /* \u{e9} */ return 0.5 * x; }\r\n\
@@ -438,7 +439,8 @@ fn places_of_mutants_count_characters_of_the_source() {
     assert!(matches!(error, MutateError::Printed), "{error}");
 }
 
-/// A mutant that is invalid, idle or endless isn't killed.
+/// A mutant isn't killed if its loop never ends, or if an `@if` removes its code. Replacing `0u` with `1u` gives valid
+/// WGSL.
 // Lesson 29
 // Lesson 30
 #[test]

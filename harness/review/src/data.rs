@@ -1,4 +1,4 @@
-//! Scripts that pass the data of one case to the page: `karat.receive({...})`.
+//! Scripts that pass the data of one frame, golden or failing function to the page: `karat.receive({...})`.
 
 use serde_json::{Value, json};
 

@@ -37,9 +37,9 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
 
 /// The policy for HTML frames if no editor shows the page: no other page may show this page in an HTML frame.
 const UNFRAMED: &str = "'none'";
-/// The policy for HTML frames if an editor shows the page in a panel. The windows of VS Code have their own URL
-/// schemes; in a browser, VS Code's windows are pages from this machine. Without the secret in the URL, other pages on
-/// this machine can't load the page.
+/// The policy for HTML frames if an editor shows the page in a panel. The windows of the desktop program VS Code have
+/// their own URL schemes. If VS Code runs in a browser, its windows are pages from this machine. Without the secret in
+/// the URL, other pages on this machine can't load the page.
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// A response: status, content type, body.
@@ -256,8 +256,8 @@ impl Door {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// Returns the part of a request's path after the secret, which is empty for the page. For the error message,
-    /// `printed` is the command that printed the URL.
+    /// Returns the part of a request's path that follows the secret. A request for the page itself has an empty part
+    /// there. The error message names `printed`, the command that printed the URL.
     ///
     /// # Errors
     /// Returns a response with an error if the request lacks the secret, or comes from a page of another origin.
@@ -350,7 +350,8 @@ impl<'a> Request<'a> {
         if named.next().is_some() { Err(Repeated) } else { Ok(first) }
     }
 
-    /// Protects this connection: to make room, the server first closes connections without a valid request.
+    /// Marks this request as valid. If there are too many connections, the server first closes connections without a
+    /// valid request.
     pub fn admit(&self) {
         self.connection.open.change(|entries| {
             for entry in entries {
@@ -372,6 +373,6 @@ impl<'a> Request<'a> {
     }
 }
 
-/// The error that a header occurs more than once.
+/// The error for a header that occurs more than once.
 #[derive(Debug)]
 pub struct Repeated;

@@ -14,12 +14,12 @@ pub struct LastRun {
     pub failures: Vec<Failure>,
 }
 
-/// The record of a frame: the test that drew the frame.
+/// The test that compares a frame with its golden.
 #[derive(Clone, Debug, Default)]
 pub struct FrameRun {
     /// The name of the test.
     pub test: String,
-    /// The location of the call in the test: `file:line:column`.
+    /// The location of the frame's check in the test: `file:line:column`.
     pub place: String,
     /// The commands that run the test again.
     pub replays: Vec<String>,
@@ -53,7 +53,6 @@ impl FrameRun {
 }
 
 impl Failure {
-    /// Returns the data for the page.
     pub(super) fn value(&self) -> Value {
         json!({
             "name": self.name,

@@ -54,7 +54,7 @@ const MOST_VERSIONS: usize = 8;
 pub struct Case {
     /// The name of the golden.
     pub name: String,
-    /// The images of the golden and of the frame. The compared image is first.
+    /// The images of the golden and of the frame. The test compares the first image.
     pub parts: Vec<Part>,
     /// Images computed from the golden and the frame.
     pub maps: Vec<Map>,
@@ -185,7 +185,7 @@ impl Review {
         }
     }
 
-    /// Sets if the page may accept frames in CI, where the variable `CI` is set.
+    /// Allows or forbids accepting frames on the page in CI, where the variable `CI` is set.
     #[must_use]
     pub fn may_write_in_ci(mut self, may: bool) -> Self {
         self.ci_may_write = may;
@@ -259,8 +259,8 @@ impl Review {
         entries
     }
 
-    /// Returns two files of an entry: the golden whose versions the page shows, and the file with the rows that the
-    /// page compares with a version. Returns `None` for a failing function.
+    /// Returns two files of an entry: the golden, and the current file, which the page compares with older versions of
+    /// the golden. Returns `None` for a failing function.
     fn golden_of(&self, entry: &Entry, pending: Option<&Pending>) -> Option<(PathBuf, PathBuf)> {
         match entry {
             Entry::Pending(_) => {
@@ -275,8 +275,8 @@ impl Review {
     }
 
     /// Writes the page into a folder: `index.html`, `data/<n>.js`, and `data/<n>-<commit>.js` for older versions of a
-    /// golden. A link to `index.html#rooms/dark` leads to that frame. For an unreadable frame, the page shows the
-    /// reason. Removes the files of an older page in `data`.
+    /// golden. A link to `index.html#rooms/dark` opens the page at the frame `rooms/dark`. For an unreadable frame, the
+    /// page shows the reason. Removes the files of an older page in `data`.
     ///
     /// # Errors
     /// Returns an error if a file can't be written or removed.
@@ -330,8 +330,8 @@ impl Review {
         }
     }
 
-    /// Returns the modules that changed since the golden. Compares hashes if golden and frame have hashes, else asks
-    /// git.
+    /// Returns the modules that changed since the golden was made. Compares hashes if golden and frame have hashes,
+    /// else asks git.
     fn changed_modules(&self, golden: &Path, case: &Case) -> serde_json::Value {
         let known = case.golden_provenance.as_ref();
         let by_hash = known.zip(self.goldens.project()).and_then(|(known, project)| {
@@ -381,7 +381,7 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// Returns the currently pending frames. A frame whose golden belongs in another folder counts as unusable.
+    /// Returns the currently pending frames. `unusable` also lists the frames that belong to another folder of goldens.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();
@@ -411,7 +411,8 @@ fn version_script(index: usize, golden: &Path, now: &Path, commit: &str) -> Stri
     data::version(index, commit, older)
 }
 
-/// Returns the scripts of the latest versions of a golden that fit into `room` bytes together, with their file names.
+/// Returns the latest older versions of a golden, each as a file name and a script. All scripts together have at most
+/// `room` bytes.
 fn older_versions(
     index: usize,
     golden: &Path,

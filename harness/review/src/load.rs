@@ -19,8 +19,8 @@ impl Case {
         part.actual.clone().map(Mask::image)
     }
 
-    /// Reads a pending frame and its golden. If the golden is unreadable, the verdict says so, because accepting the
-    /// frame replaces the golden.
+    /// Reads a pending frame and its golden. If the golden is unreadable, the verdict says so, and you can replace the
+    /// golden by accepting the frame.
     ///
     /// # Errors
     /// Returns an error if the pending frame can't be read.

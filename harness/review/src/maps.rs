@@ -32,7 +32,7 @@ fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
     })
 }
 
-/// Returns an image of the pair's size, with the same value in all colours. Alpha is 0 for pixels without a value.
+/// Returns a grey image of the pair's size, with `value` at each pixel. Alpha is 0 for pixels without a value.
 fn scalars(pair: &Pair<'_>, value: impl Fn(u32, u32) -> Option<f32>) -> Image {
     let (width, height) = (pair.actual().width(), pair.actual().height());
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));

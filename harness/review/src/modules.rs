@@ -1,4 +1,4 @@
-//! Finds the modules that changed since a golden: by the hashes in golden and frame, or otherwise with git.
+//! Finds the modules that changed since a golden was made: by the hashes in golden and frame, or otherwise with git.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// The largest number of versions of a module in which Karat searches for the golden's version. The check of each
-/// version runs a `git` process.
+/// The number of a module's latest versions among which Karat looks for the golden's version. The check of each version
+/// runs a `git` process.
 const MOST: &str = "50";
 
 /// Returns the modules whose hashes differ. Returns `None` if golden or frame have no hashes, as in old files. Module
@@ -79,7 +79,7 @@ enum Untold {
     Failed,
 }
 
-/// The latest commit of the golden, if the golden hasn't changed since.
+/// The commit that last changed a golden. The golden has no uncommitted changes.
 struct Since {
     root: PathBuf,
     commit: String,

@@ -3,8 +3,8 @@
 //! Each channel is a plane of words: 16-bit floats if these can represent every value, and otherwise 32-bit floats. If
 //! a frame has the size and the format of its golden, each word of the frame is stored as its difference from the
 //! golden's word at the same pixel, which is 0 for equal words. All other words are stored as differences from the
-//! previous word. Zigzag encoding turns small differences of either sign into small bytes. All high bytes come before
-//! all low bytes. `numbers.js` reads this format.
+//! previous word. Zigzag encoding turns small differences of either sign into small bytes. In each channel, the highest
+//! bytes of all words come first, and the lowest bytes last. `numbers.js` reads this format.
 
 use std::io::Write;
 
@@ -48,7 +48,7 @@ impl Format {
 }
 
 impl Planes {
-    /// Chooses the smallest format that can represent every value.
+    /// Converts an image to the smallest format that can represent every value.
     fn of(image: &Image) -> Self {
         let mut values = image.pixels().iter().flatten();
         let fits = |value: &f32| f16::from_f32(*value).to_f32().to_bits() == value.to_bits();
@@ -85,8 +85,8 @@ impl Planes {
     }
 }
 
-/// Returns the golden's or the frame's image in the format of the page. For the frame's image, `golden` is the golden's
-/// image.
+/// Returns the golden's or the frame's image in the format of the page. To store a frame as differences from its
+/// golden, pass the golden's image as `golden`.
 pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     let same_size =
         |other: &&Image| (other.width(), other.height()) == (image.width(), image.height());
@@ -97,7 +97,7 @@ pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
 }
 
 /// Returns a map of scalars as half floats, which are exact enough for viewing. Pixels with an alpha of 0 are holes. A
-/// map in colours has the same format as an image.
+/// map in colours, unlike a map of scalars, has the same format as an image.
 pub(super) fn map(image: &Image) -> Value {
     let scalar = |pixel: &[f32; 4]| pixel[0] == pixel[1] && pixel[0] == pixel[2];
     if !image.pixels().iter().all(scalar) {

@@ -1,4 +1,4 @@
-//! The page: one HTML file with its style, scripts and list of cases.
+//! The page: one HTML file with its style, its scripts and a list of frames, goldens and failing functions.
 
 use serde_json::{Value, json};
 
@@ -46,8 +46,8 @@ const SCRIPTS: [&str; 26] = [
 pub(super) enum Mode {
     /// From files. The user accepts and rejects frames in a terminal.
     Files,
-    /// From Karat's server. The nonce in the page's security policy is a hash of data with the secret token, so the
-    /// nonce is secret, too.
+    /// From Karat's server. The nonce in the page's security policy is a hash of the page's data. These data include
+    /// the secret token, so the nonce is secret, too.
     Served {
         /// The token in the URL.
         token: String,
@@ -164,8 +164,8 @@ fn accepting(frame: &Pending) -> Value {
     })
 }
 
-/// Returns the sources from which the page may load and run scripts: the page and its data files. Only a page from
-/// files has the source `file:`, because some browsers don't count a neighbouring file as the page's origin.
+/// Returns the sources from which the page may load and run scripts: the page and its data files. For a page from
+/// files, the sources include `file:`, because some browsers treat neighbouring files as different origins.
 fn policy(mode: &Mode) -> &'static str {
     match mode {
         Mode::Files => {

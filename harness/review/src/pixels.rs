@@ -22,8 +22,8 @@ pub trait Pixels: Debug + Send + Sync {
     /// Returns an error if the value can't be computed.
     fn tap(&self, frame: &str, size: (u32, u32), value: &str) -> Result<Map, String>;
 
-    /// Returns the steps of a pixel of a frame of this size, as `karat trace --json` prints them. With a commit,
-    /// returns the steps with the shaders of that commit and with today's shaders.
+    /// Returns the steps that compute a pixel, as `karat trace --json` prints them. `size` is the size of the frame.
+    /// With a commit, returns the steps with the shaders of that commit and with today's shaders.
     ///
     /// # Errors
     /// Returns an error if the pixel can't be traced.
@@ -147,14 +147,15 @@ fn numbers(text: &str, between: char) -> Option<(u32, u32)> {
     Some((a.parse().ok()?, b.parse().ok()?))
 }
 
-/// Checks if a text is a WGSL name with its path, as in the list of values. Such a text is never an option of a
-/// program.
+/// Checks if a text is a WGSL name with its path, as in the list of values. Such a text contains no `-`, so no program
+/// takes the text for an option.
 fn is_path(value: &str) -> bool {
     let is_name = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     !value.is_empty() && value.chars().all(is_name)
 }
 
-/// Checks if a text is a hash of git. Such a text is never an option of a program.
+/// Checks if a text looks like the hash of a git commit. Such a text contains no `-`, so git doesn't take the text for
+/// an option.
 fn is_commit(text: &str) -> bool {
     (4..=64).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_hexdigit())
 }

@@ -1,9 +1,10 @@
 //! Serves the review to this machine only.
 //!
 //! A client that reaches the port can't accept or reject frames without the token. Every request needs the token of the
-//! URL. Every request also needs this server's `Host`, so that an attacker can't rebind another name to 127.0.0.1. If a
-//! request has an `Origin`, the origin must be this server's. Requests that change something are POSTs of JSON. A
-//! decision names a frame, which must be pending. No part of a request becomes a file path.
+//! URL. Every request also needs this server's `Host`, so an attacker can't use another host name that resolves to
+//! 127.0.0.1 (DNS rebinding). If a request has an `Origin`, the origin must be this server's. Requests that change
+//! something are POSTs of JSON. A decision names a frame, which must be pending. No part of a request becomes a file
+//! path.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -25,7 +25,7 @@ pub(super) struct Expected<'e> {
     pub(super) expect: Expect<'e>,
 }
 
-/// Calls `then` with the reference as an [`Expected`], whose type doesn't depend on the reference.
+/// Wraps the reference in an [`Expected`], which has the same type for every reference, and calls `then` with it.
 pub(super) fn with_reference<A: Arguments, T>(
     reference: &impl Reference<A>,
     then: impl FnOnce(Expected<'_>) -> T,
@@ -56,7 +56,7 @@ struct Comparison<'c> {
     tolerance: &'c Tolerance,
     /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// Becomes `true` as soon as the comparison of a result with its reference can show a mistake (see `tells`).
+    /// Becomes `true` after the first conclusive comparison (see `tells`).
     told_apart: &'c AtomicBool,
 }
 
@@ -92,8 +92,8 @@ impl Judge for Comparison<'_> {
     }
 }
 
-/// Checks if comparing the result with its reference can show a mistake. If the result and the reference are
-/// subnormal and differ, a driver may flush both to 0. Then the comparison can't show a mistake.
+/// Checks if the comparison of a result with its reference is conclusive. If result and reference are different
+/// subnormal numbers in every component, the comparison is inconclusive, because a driver may flush both to 0.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);

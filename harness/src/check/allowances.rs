@@ -33,7 +33,7 @@ pub(super) struct Allowances {
 
 impl Allowances {
     /// Computes WGSL's bounds for some cases of a batch. Half of these cases are the batch's first cases, which contain
-    /// the edges. The other half is spread over the batch. Computes at most `left` cases, and subtracts their number
+    /// the edges. The other half is spread over the batch. Chooses at most `left` cases, and subtracts their number
     /// from `left`.
     pub(super) fn of(
         witness: &Interpreted,

@@ -14,7 +14,7 @@ pub(super) struct Allowed<'g> {
     /// The bounds of each component of the results, one case after the other.
     pub(super) bounds: &'g [Bound],
     /// Becomes `true` as soon as the bounds decide that a case passes. If the bounds of a case are too wide, the
-    /// test's second tolerance decides instead.
+    /// tolerance in `spec_tolerance.otherwise` decides instead.
     pub(super) judged: &'g AtomicBool,
 }
 

@@ -296,8 +296,8 @@ mod tests {
     use crate::package::Package;
     use crate::value::Arguments;
 
-    /// Reports the cause for a function that returns 1 if `fails` holds and 0 otherwise, and must stay below
-    /// 0.5.
+    /// Returns the reported cause for a function that returns 1 if `fails` holds, and 0 otherwise. The check allows
+    /// results up to 0.5.
     fn told<D: Domain>(parameters: &str, fails: &str, domain: D) -> Option<String>
     where
         D::Value: Arguments,

@@ -1,4 +1,4 @@
-//! The requirements of a verb, and the number of a check's cases.
+//! The arguments and cases that a verb needs, and the number of a check's cases.
 
 use super::vacuous::{MOST_CASES, Vacuous};
 use super::{Failure, Plan};
@@ -25,8 +25,8 @@ pub(super) struct Demand {
     pub(super) calls: usize,
 }
 
-/// Determines the cases of a check for a seed. The check sets the number of cases; otherwise the verb's default in
-/// `demand` applies. Returns an error if there are no cases, or too many.
+/// Numbers the cases of a check. The check sets the number of cases; otherwise the verb's default in `demand` applies.
+/// Returns an error if there are no cases, or too many.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

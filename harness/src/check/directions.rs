@@ -10,9 +10,9 @@ use crate::reflect::Function;
 use crate::run::or_panic;
 use crate::value::{Scalar, Shape};
 
-/// The largest allowed difference between a length and 1. WGSL allows `normalize` an error of 1e-6, and a
-/// vector from a cosine and `sqrt(1 - c * c)` an error several times as large. The length of a vector that
-/// isn't normalised differs from 1 by more than 1e-5.
+/// The largest allowed difference between a length and 1. WGSL allows `normalize` an error of 1e-6, and a vector from a
+/// cosine and `sqrt(1 - c * c)` an error several times as large. If a shader forgets to normalise a vector, its length
+/// usually differs from 1 by more than 1e-5.
 const LENGTH: f64 = 1e-5;
 
 impl<V> Check<'_, Calls<V>> {
@@ -78,8 +78,8 @@ impl<V> Check<'_, Calls<V>> {
     /// within 1e-5. The function returns the vectors as the columns of a 3x3 matrix, the elements of an array
     /// or the members of a structure.
     ///
-    /// A mirrored frame fails this check, but passes [`is_unit`](Self::is_unit). A rotated frame passes this
-    /// check: to test the frame's directions, use [`satisfies`](Self::satisfies).
+    /// A mirrored frame fails this check, although its vectors are perpendicular unit vectors. A rotated frame passes
+    /// this check: to test the frame's directions, use [`satisfies`](Self::satisfies).
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -41,8 +41,8 @@ pub struct Disagreement {
     pub assertion: String,
     /// The relation between the expected value and the actual value.
     pub expectation: Expectation,
-    /// The domain, such as `x from 0 to 1`, if Karat may have chosen the domain. Empty if the test's author chose the
-    /// domain.
+    /// The domain, such as `x from 0 to 1`, if Karat reads the domain at run time, for example from a `*.test.toml`.
+    /// Empty for a domain in Rust code.
     pub domain: String,
     /// The paths on which the check fails.
     pub paths: Vec<PathDisagreement>,

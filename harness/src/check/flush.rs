@@ -7,7 +7,7 @@
 use crate::judge::Judged;
 use crate::value::Scalar;
 
-/// If a case has at most this many subnormal arguments, Karat tries every combination of unchanged arguments, 0 and -0:
+/// The largest number of subnormal arguments for which Karat tries every combination of unchanged arguments, 0 and -0:
 /// at most 3^4 rows. If a case has more subnormal arguments, Karat flushes all of them together, or none of them.
 const APART: usize = 4;
 

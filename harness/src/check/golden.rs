@@ -27,7 +27,7 @@ use crate::value::{Scalar, Shape};
 /// keeps the rows forever.
 const CASES: u64 = 256;
 
-/// If a finite domain has at most this many values, the golden contains all of them by default.
+/// The largest size of a finite domain for which the golden contains every value by default.
 const ENUMERATED: u64 = 1024;
 
 impl<V> Check<'_, Calls<V>> {
@@ -37,8 +37,8 @@ impl<V> Check<'_, Calls<V>> {
     ///
     /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at most 1,024
     /// values. To set another number, call [`cases`](Self::cases). The sampled arguments depend on the golden's name,
-    /// so you can rename the test. If you change the domain, and Karat samples other arguments than the golden
-    /// contains, the check fails until you accept the new values.
+    /// so you can rename the test. If you change the domain, and Karat samples arguments that the golden doesn't
+    /// contain, the check fails until you accept the new values.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -231,7 +231,7 @@ struct Comparison<'c> {
 
 impl Comparison<'_> {
     /// Makes this path's values pending if no values are pending yet. The values of the path that makes goldens (see
-    /// `canonical`) also replace other paths' `Left::Other` values.
+    /// `canonical`) replace values that another path left as `Left::Other`.
     fn leave(
         &self,
         session: &Session<'_>,

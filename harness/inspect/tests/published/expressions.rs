@@ -1,7 +1,7 @@
 //! Expressions that lose digits, or become NaN or infinite, for some inputs in their ranges, and equivalent expressions
-//! without these faults. All these expressions compute in `f32`. The sources are: Hamming, *Numerical Methods for
-//! Scientists and Engineers*, chapter 3; and the 33 expressions in single precision of Herbie's benchmarks, which are
-//! formulas of pbrt, the level of detail in Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic functions.
+//! without these faults. All these expressions compute in `f32`. Some are from chapter 3 of Hamming, *Numerical Methods
+//! for Scientists and Engineers*. The others are the 33 expressions in single precision among Herbie's benchmarks:
+//! formulas from pbrt, the level of detail in Direct3D 11.3 (7.8.11), and three inverse hyperbolic functions from Rust.
 
 #![expect(clippy::approx_constant, reason = "they are the constants that the shaders have")]
 
@@ -364,10 +364,10 @@ fn of_herbie() -> Vec<Expression> {
     ]
 }
 
-/// Checks if the result loses more than half of its digits, or isn't finite, for some inputs in the ranges. Computes in
-/// both precisions with plain arithmetic.
+/// Checks if the result loses more than half of its digits, or isn't finite, for some inputs in the ranges. Compares
+/// the result in `f32` with the result in `f64`.
 fn loses(expression: &Expression) -> bool {
-    /// Half of an `f32`'s 24 binary digits.
+    /// The relative error of a result that has lost half of an `f32`'s 24 binary digits.
     const HALF: f64 = 1.0 / 4096.0;
     const POINTS: u64 = 1 << 17;
     let mut state = 1_u64;

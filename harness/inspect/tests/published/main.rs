@@ -1,8 +1,8 @@
 //! Kernels with known faults, modelled on published test suites. The suites are: the graph patterns of Indigo (Liu,
-//! Azami, Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022); the kinds of
-//! `DataRaceBench` that exist in WGSL; the locks, scopes and work stealing of `ScoR` (Kamath, George, Basu, 2020); and
-//! the kinds of indices outside of arrays that Vulkan's GPU-assisted validation finds. The text of all kernels is new.
-//! By default, every 23rd kernel runs. `SUITES=whole` runs all kernels and prints the scores.
+//! Azami, Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022); the kinds of races in
+//! `DataRaceBench` that are possible in WGSL; the locks, scopes and work stealing of `ScoR` (Kamath, George, Basu,
+//! 2020); and the kinds of indices outside of arrays that Vulkan's GPU-assisted validation finds. The text of all
+//! kernels is new. By default, every 23rd kernel runs. `SUITES=whole` runs all kernels and prints the scores.
 
 mod expressions;
 
@@ -388,7 +388,7 @@ fn pairs() -> Vec<Kernel> {
     PAIRS.into_iter().flat_map(of).collect()
 }
 
-/// A kernel of 128 invocations with a body, and with a mark at the end of each statement in the body.
+/// The text of a kernel that runs `body` in each invocation. `mark` is added after each statement of `body`.
 fn body_of(body: &str, mark: &str) -> String {
     let body = body.replace("; ", &format!("; {mark}\n    "));
     format!(
@@ -499,8 +499,8 @@ fn is_whole() -> bool {
     std::env::var("SUITES").is_ok_and(|suites| suites == "whole")
 }
 
-/// All kernels, or every 23rd kernel. 23 doesn't divide the number of a kernel's variants, so the selection includes
-/// different variants.
+/// All kernels, or every 23rd kernel. Each kernel has several variants. Because 23 doesn't divide their number, the
+/// selection includes different variants.
 fn chosen(all: Vec<Kernel>) -> Vec<Kernel> {
     const SHARE: usize = 23;
     let wanted = |at: usize| is_whole() || at % SHARE == 1;
@@ -658,7 +658,7 @@ fn kernels() -> Vec<Kernel> {
     chosen(indigo()).into_iter().chain(chosen(pairs())).collect()
 }
 
-/// Checks if the entry point uses a variable.
+/// Checks if the entry point `kernel` in `text` uses the variable `name`.
 fn uses(text: &str, name: &str) -> bool {
     let body = text.split("fn kernel").nth(1).unwrap_or_default();
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
