@@ -42,7 +42,7 @@ impl Device {
         self.run_passes(passes, &plain).map(|(afterwards, _)| afterwards)
     }
 
-    /// Returns an error if the driver would stop a loop early without an error.
+    /// Returns an error if the driver would silently stop a loop early.
     fn expect_whole_loops(&self, passes: &Passes) -> Result<(), DispatchError> {
         let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
         let counted = |pass: &Pass| {

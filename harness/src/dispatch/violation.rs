@@ -64,7 +64,7 @@ pub struct Violation {
 }
 
 impl Violation {
-    /// Makes a violation without an element.
+    /// Makes a violation. The variable, the element and the advice are empty.
     pub fn new(
         entry_point: &str,
         kind: Kind,
@@ -109,11 +109,12 @@ pub struct Watched {
     /// `true` if Karat tried all orders that may have different effects.
     #[serde(default)]
     pub all_orders: bool,
-    /// Elements that a pass reads before any pass writes them, if the result depends on them: `partials[3]` and the
-    /// position of the read. These elements are in buffers for which the test sets only a size and no contents.
+    /// Elements that a pass reads before any pass writes them. Each text has the element, such as `partials[3]`, and
+    /// the position of the read. The list is empty if the passes' results don't depend on these elements. The elements
+    /// are in buffers for which the test sets only a size and no contents.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwritten: Vec<String>,
-    /// The variables with accepted races, each with its reason.
+    /// The variables on which the test allows races, each with the test's reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<(String, String)>,
 }
