@@ -159,7 +159,7 @@ pub struct Wanted {
     pub workgroups: [u32; 3],
 }
 
-/// Passes with valid shaders, and the resources that fit the shaders' variables.
+/// Passes that are ready to run: linked and validated shaders, with the resources for their variables.
 #[derive(Debug)]
 pub struct Passes {
     /// The passes, in the order in which they run.
@@ -183,7 +183,7 @@ pub struct Pass {
     /// [`Passes::resources`].
     pub bindings: Vec<(Binding, usize)>,
     /// The scalar types of the result, if `entry_point` is a fragment function. `None` for a compute pass. For a
-    /// fragment function, `workgroups` has the width and height of the frame in pixels.
+    /// fragment function, `workgroups` has the width and height of the draw in pixels.
     pub drawn: Option<Vec<Scalar>>,
 }
 
@@ -440,7 +440,8 @@ impl Passes {
         Some(pass.program.lanes_of_words(binding, words))
     }
 
-    /// Returns the components that a buffer has before the first pass, if a pass writes the buffer.
+    /// Returns the components of a buffer before the first pass. Returns `None` if no pass writes the buffer, or if the
+    /// resource isn't a buffer.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;

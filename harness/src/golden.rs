@@ -469,7 +469,7 @@ impl Goldens {
         })
     }
 
-    /// Checks if the frame of a profile that has its own golden would also pass with the golden for all profiles.
+    /// For a profile with its own golden, checks if the frame would also pass with the golden for all profiles.
     fn base_passes(&self, case: &str, frame: &Rendered<'_>) -> bool {
         let base = Reference::read(&self.golden(case), frame.variance.is_some());
         base.is_ok_and(|base| base.compare(frame).is_ok())

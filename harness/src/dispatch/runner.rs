@@ -19,7 +19,7 @@ impl Device {
         self.dispatch_with(passes, self.leaves_loops())
     }
 
-    /// Dispatches the passes. If `watched`, first checks that each loop ends before the driver stops the loop.
+    /// Dispatches the passes. If `watched` is `true`, first checks that the driver won't stop a loop early.
     pub fn dispatch_with(
         &self,
         passes: &Passes,

@@ -103,7 +103,7 @@ pub struct Watched {
     /// The number of iterations of all loops together.
     #[serde(skip)]
     pub rounds: u64,
-    /// The number of orders of invocations that Karat tried besides the usual order.
+    /// The number of orders of invocations that Karat tried in addition to its default order.
     #[serde(default)]
     pub orders: u64,
     /// `true` if Karat tried all orders that may have different effects.

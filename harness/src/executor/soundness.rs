@@ -119,7 +119,8 @@ const SCALARS: [(&str, usize, usize); 44] = [
     ("select(a, b, a < b)", 2, 99),
 ];
 
-/// Functions of vectors and matrices, and conversions. The tests compare only one component of a vector.
+/// Functions of vectors and matrices, and conversions. If a function returns a vector, the test takes only one
+/// component.
 const VECTORS: [(&str, usize, usize); 11] = [
     ("length(vec3f(a, b, c))", 3, 20),
     ("distance(vec2f(a, b), vec2f(c, 1.0))", 3, 20),
