@@ -52,7 +52,7 @@ pub enum DispatchError {
     /// There are no passes.
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
-    /// A dispatch has no workgroups in one direction, or more than 65535, the most that every GPU supports.
+    /// In some direction, a dispatch has no workgroups or more than 65535 workgroups. Every GPU supports up to 65535.
     #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The name of the entry point.
@@ -81,7 +81,7 @@ pub enum DispatchError {
     Invocation {
         /// The name of the entry point.
         name: String,
-        /// The `global_invocation_id` in the request.
+        /// The `global_invocation_id` that the dispatch doesn't have.
         invocation: [u32; 3],
         /// The number of invocations in each direction.
         counts: [u32; 3],
@@ -93,7 +93,8 @@ pub enum DispatchError {
     NotWritten {
         /// The name that the test uses.
         name: String,
-        /// The written resource with the most similar name. `None` if passes only read the resource `name`.
+        /// A suggestion: the written resource with the most similar name. If the resource `name` exists but no pass
+        /// writes it, Karat makes no suggestion.
         nearest: Option<String>,
     },
     /// A resource has no member with this name.
@@ -133,8 +134,8 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Checks if a path rejected the passes before it ran any pass. An error about a workgroup that is too large gives
-    /// `false`, because the author must fix the shader.
+    /// Checks if a path rejected the passes before it ran any pass. A workgroup that is too large doesn't count as a
+    /// rejection, because the author must fix the shader.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),
@@ -146,7 +147,7 @@ impl DispatchError {
     }
 }
 
-/// The largest number of workgroups in one direction that every device supports.
+/// The number of workgroups that every device supports in one direction.
 pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
 
 /// A dispatch, as the test's author describes it.
@@ -158,7 +159,7 @@ pub struct Wanted {
     pub workgroups: [u32; 3],
 }
 
-/// Passes with valid shaders, and the resources that fit the shaders' variables.
+/// Passes that are ready to run: linked and validated shaders, with the resources for their variables.
 #[derive(Debug)]
 pub struct Passes {
     /// The passes, in the order in which they run.
@@ -181,8 +182,8 @@ pub struct Pass {
     /// The resource variables that the entry point uses. Each variable has the index of its resource in
     /// [`Passes::resources`].
     pub bindings: Vec<(Binding, usize)>,
-    /// For a draw, the scalar types of the fragment function's result. `None` for a compute pass. In a draw,
-    /// `workgroups` counts pixels.
+    /// The scalar types of the result, if `entry_point` is a fragment function. `None` for a compute pass. For a
+    /// fragment function, `workgroups` has the width and height of the draw in pixels.
     pub drawn: Option<Vec<Scalar>>,
 }
 
@@ -252,7 +253,7 @@ fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
 }
 
 impl Passes {
-    /// Links passes and binds their fixtures. A fixture may be a buffer with a size and without contents.
+    /// Links passes and binds their fixtures. For a buffer, the test can set only the size, and leave out the contents.
     ///
     /// # Errors
     /// If an entry point or a fixture is missing, or if there is a fixture that no pass uses.
@@ -376,7 +377,7 @@ impl Passes {
         Ok(())
     }
 
-    /// The passes that use a resource, each with the variable by which it uses the resource.
+    /// The passes that use a resource. Each pass comes with its variable for the resource.
     pub(crate) fn uses(&self, resource: usize) -> impl Iterator<Item = (&Pass, &Binding)> {
         self.passes.iter().flat_map(move |pass| {
             let own = pass.bindings.iter().filter(move |(_, number)| *number == resource);
@@ -384,7 +385,7 @@ impl Passes {
         })
     }
 
-    /// The first pass that may write a resource, with its variable.
+    /// The first pass whose variable for a resource is writable, with this variable.
     pub(crate) fn writer(&self, resource: usize) -> Option<(&Pass, &Binding)> {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
@@ -439,7 +440,8 @@ impl Passes {
         Some(pass.program.lanes_of_words(binding, words))
     }
 
-    /// Returns the components that a buffer has before the first pass, if a pass writes the buffer.
+    /// Returns the components of a buffer before the first pass. Returns `None` if no pass writes the buffer, or if the
+    /// resource isn't a buffer.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;

@@ -267,7 +267,7 @@ fn opened(opened: Opened) -> &'static dyn Executor {
 /// this path.
 ///
 /// # Panics
-/// Panics if a case has another number of words than the function's arguments.
+/// Panics if the number of words in a case doesn't match the function's arguments.
 pub fn call(
     probed: &Probed,
     path: Path,
@@ -285,7 +285,8 @@ pub fn call(
 }
 
 /// Accepts results in which the driver left some words unwritten, if WGSL allows any value for each of these words.
-/// Unwritten words keep their previous value, a NaN. Otherwise, the driver lost a write, so the result is `error`.
+/// Unwritten words keep their previous value, a NaN. Returns `error` if WGSL doesn't allow any value for one of the
+/// words, because then the driver lost a write.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),

@@ -69,7 +69,7 @@ pub(crate) struct View<'f> {
 }
 
 impl Fixture {
-    /// Describes the fixture's kind in messages, such as ``a Texture for `texture_2d<u32>` ``.
+    /// Describes the fixture's kind for messages, such as ``a Texture for `texture_2d<u32>` ``.
     fn kind(&self) -> String {
         let words = match self {
             Self::CubeMap(_) => "a CubeMap",

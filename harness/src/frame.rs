@@ -619,9 +619,9 @@ impl<'a> Frame<'a> {
     /// samples per pixel, divide the variance of the samples by `n`. Karat stores the variance in the golden's file.
     ///
     /// A frame that fails its tolerance still passes if the noise of the frame and the golden explains the difference.
-    /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. `Noise`
-    /// rejects one correct frame in a hundred by chance. Karat uses HDR-FLIP for a noisy frame only if the tolerance
-    /// names HDR-FLIP.
+    /// [`Noise`](crate::metric::Noise) decides this for each channel: it divides the image into tiles, and checks the
+    /// mean and the squared differences of each tile. `Noise` rejects one correct frame in a hundred by chance. Karat
+    /// uses HDR-FLIP for a noisy frame only if the tolerance names HDR-FLIP.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -1,9 +1,9 @@
 //! Goldens: accepted HDR frames, and accepted values of functions and buffers.
 //!
-//! The golden of a frame has two files: `<case>.exr`, and `<case>.toml` with the golden's facts as text. The
-//! golden of values has one file, `<case>.csv`: a [`Table`] with the facts in its comments. A frame fails if it
-//! has no golden or differs from its golden. Karat then writes `<case>.new.exr` or `<case>.new.csv` beside the
-//! golden, or into a folder of build output if `CI` is set. Only accepting writes a golden.
+//! The golden of a frame has two files: `<case>.exr`, and `<case>.toml` with the golden's facts as text. The golden of
+//! values has one file, `<case>.csv`: a [`Table`] with the facts in its comments. A frame fails if it has no golden or
+//! differs from its golden. Karat then writes `<case>.new.exr` or `<case>.new.csv` beside the golden, or into a folder
+//! of build output if `CI` is set. Karat writes a golden only if you accept a pending frame or pending values.
 
 pub(crate) mod acceptance;
 pub(crate) mod changes;
@@ -67,7 +67,7 @@ pub struct Goldens {
     beside: bool,
 }
 
-/// Declares a folder of [`Goldens`], relative to the manifest of the crate that calls it.
+/// Declares a folder of [`Goldens`], relative to the folder of your crate's Cargo.toml.
 ///
 /// ```
 /// // The folder `golden` beside Cargo.toml.
@@ -469,7 +469,7 @@ impl Goldens {
         })
     }
 
-    /// Checks if the frame of a profile that has its own golden would also pass with the golden for all profiles.
+    /// For a profile with its own golden, checks if the frame would also pass with the golden for all profiles.
     fn base_passes(&self, case: &str, frame: &Rendered<'_>) -> bool {
         let base = Reference::read(&self.golden(case), frame.variance.is_some());
         base.is_ok_and(|base| base.compare(frame).is_ok())

@@ -19,7 +19,7 @@ impl Device {
         self.dispatch_with(passes, self.leaves_loops())
     }
 
-    /// Dispatches the passes. If `watched`, first checks that each loop ends before the driver stops the loop.
+    /// Dispatches the passes. If `watched` is `true`, first checks that the driver won't stop a loop early.
     pub fn dispatch_with(
         &self,
         passes: &Passes,
@@ -42,7 +42,7 @@ impl Device {
         self.run_passes(passes, &plain).map(|(afterwards, _)| afterwards)
     }
 
-    /// Returns an error if the driver would stop a loop early without an error.
+    /// Returns an error if the driver would silently stop a loop early.
     fn expect_whole_loops(&self, passes: &Passes) -> Result<(), DispatchError> {
         let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
         let counted = |pass: &Pass| {

@@ -64,7 +64,7 @@ pub struct Violation {
 }
 
 impl Violation {
-    /// Makes a violation without an element.
+    /// Makes a violation. The variable, the element and the advice are empty.
     pub fn new(
         entry_point: &str,
         kind: Kind,
@@ -103,17 +103,18 @@ pub struct Watched {
     /// The number of iterations of all loops together.
     #[serde(skip)]
     pub rounds: u64,
-    /// The number of orders of invocations that Karat tried besides the usual order.
+    /// The number of orders of invocations that Karat tried in addition to its default order.
     #[serde(default)]
     pub orders: u64,
     /// `true` if Karat tried all orders that may have different effects.
     #[serde(default)]
     pub all_orders: bool,
-    /// Elements that a pass reads before any pass writes them, if the result depends on them: `partials[3]` and the
-    /// position of the read. These elements are in buffers for which the test sets only a size and no contents.
+    /// Elements that a pass reads before any pass writes them. Each text has the element, such as `partials[3]`, and
+    /// the position of the read. The list is empty if the passes' results don't depend on these elements. The elements
+    /// are in buffers for which the test sets only a size and no contents.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwritten: Vec<String>,
-    /// The variables with accepted races, each with its reason.
+    /// The variables on which the test allows races, each with the test's reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<(String, String)>,
 }

@@ -62,7 +62,7 @@ impl Scene<'_> {
 pub enum Source {
     /// The colour target at a location.
     Target(usize),
-    /// The depth, in the red channel.
+    /// The depth buffer. The image's red channel has the depth.
     Depth,
 }
 
@@ -77,7 +77,7 @@ pub struct Drawing<'s> {
     read: Read,
 }
 
-/// Facts about the other frames that a drawing reads as textures.
+/// The shaders, files and modules of the other frames that a drawing reads as textures.
 #[derive(Debug, Default)]
 struct Read {
     shaders: Vec<String>,

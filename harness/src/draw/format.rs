@@ -3,8 +3,9 @@
 use crate::image::encode_srgb;
 use crate::path::Device;
 
-/// The largest error of a conversion from float to integer, in steps of the integer. Direct3D allows 0.6 steps
-/// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Other APIs round to the nearest integer.
+/// The largest rounding error if a GPU stores a float as an integer, as in `rgba8unorm`. The unit is the step between
+/// two integers. Direct3D allows 0.6 steps (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Other APIs round to the
+/// nearest integer.
 const ROUNDING: f64 = 0.6;
 
 /// The format of a colour target. The frame's image contains the target's values as floats. If the format is sRGB, the
@@ -66,7 +67,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The formats with their names in test files. WebGPU's formats have the same names as in WebGPU.
+    /// The formats with their names in test files. Except for `float`, the names are WebGPU's names.
     pub const NAMES: [(&str, Self); 20] = [
         ("float", Self::Float),
         ("r8unorm", Self::R8Unorm),

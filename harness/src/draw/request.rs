@@ -221,7 +221,8 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the draw has no mesh, or if an index is above 65534, because the 16-bit index 65535 restarts a strip.
+    /// If the draw has no mesh, or if an index is above 65534. GPUs reserve the 16-bit index 65535: it restarts a strip
+    /// of triangles.
     pub fn u16_indices(mut self) -> Self {
         let Geometry::Mesh(mesh) = &self.geometry else {
             panic!("the draw has no mesh, so it has no indices")

@@ -11,7 +11,7 @@ pub(super) struct Row {
 }
 
 impl Row {
-    /// Makes the layout of `width` pixels in a texture's format. Each depth is one 32-bit float.
+    /// Makes the layout of `width` pixels in a texture's format. In a depth format, each pixel takes one 32-bit float.
     pub(super) fn new(format: wgpu::TextureFormat, width: u32) -> Self {
         let copied = match format.is_depth_stencil_format() {
             true => wgpu::TextureFormat::R32Float,

@@ -55,7 +55,8 @@ pub struct DepthBias {
     /// A bias in units of the smallest step that the depth format can represent. The size of a step depends on the
     /// driver.
     pub constant: i32,
-    /// A factor. This factor times the triangle's largest change of depth between adjacent pixels is added to the bias.
+    /// A bias in proportion to the triangle's slope: this number times the triangle's largest change of depth between
+    /// adjacent pixels.
     pub slope: f32,
     /// The largest total bias. 0 means no limit.
     pub clamp: f32,

@@ -1,4 +1,4 @@
-//! Makes drawings whose fragment functions return tapped values, with or without their colours.
+//! Makes drawings whose fragment functions return tapped values, either beside the colours or instead of them.
 
 use std::borrow::Cow;
 use std::sync::Arc;

@@ -11,8 +11,8 @@ use crate::package::Package;
 use crate::probe::{ProbeError, Probed};
 use crate::{image, settings};
 
-/// The version of the stored file. If this number changes, Karat measures again. Change this number with the measured
-/// arguments or the format of the file.
+/// The version of the stored file. If this number changes, Karat measures again. Increase this number if you change the
+/// measured arguments or the format of the file.
 const EDITION: u32 = 3;
 
 /// Returns the accuracy of an executor's builtin functions. If `kept` is `true`, Karat reads the accuracy from a

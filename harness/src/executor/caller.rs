@@ -98,10 +98,11 @@ impl<'e> Caller<'e> {
         path::caught(self.path, &[name], Some(span), work)
     }
 
-    /// Calls the function any number of times. Returns the results, one call after the other.
+    /// Calls the function `calls` times, in several dispatches if necessary. Returns the results, one call after the
+    /// other.
     ///
     /// # Panics
-    /// Panics if `rows` has another number of words than `calls` calls need.
+    /// Panics if the number of words in `rows` isn't right for `calls` calls.
     pub fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
         assert_eq!(rows.len(), calls * self.words, "each call has all its arguments");
         let mut results = Vec::with_capacity(calls * self.width);

@@ -74,8 +74,9 @@ impl Prepared for Guarded<'_> {
 
 /// Guards a function with a loop for which naga's IR shows no bound. If the engine can run the function, the engine
 /// runs each batch before the driver does. Some drivers silently stop long loops. On these drivers, most kernels count
-/// their own iterations. Kernels whose cases run one by one or on drawn pixels can't count, so the engine must run each
-/// batch first. If the engine can't run such a kernel, returns an error.
+/// their own iterations. Other kernels can't count iterations: kernels that run each case alone, and kernels that run
+/// in a fragment shader. For these kernels, the engine must run each batch first. If the engine can't run such a
+/// kernel, returns an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,
@@ -104,7 +105,7 @@ pub(super) fn guarded<'e>(
     })
 }
 
-/// Makes an error for a function whose loops the driver may silently stop, if the engine can't count the iterations.
+/// Makes the error for a function that the engine can't run, on a driver that silently stops long loops.
 fn unwatched(device: &Device, of: &str, error: &ProbeError) -> ProbeError {
     let driver = &device.adapter().name;
     let message = format!(

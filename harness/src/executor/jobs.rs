@@ -51,8 +51,8 @@ pub(super) fn prepare<'e>(
 }
 
 impl ByJobs<'_> {
-    /// Runs a job for some cases. The results' buffer contains `poison` at first. Returns the results' words,
-    /// after checking the canaries, and the job's other outputs.
+    /// Runs a job for some cases. The results' buffer contains `poison` at first. Checks the canaries. Returns the
+    /// words of the results, and the job's other outputs.
     fn outputs(
         &self,
         cases: usize,

@@ -6,8 +6,9 @@ use super::Executor;
 use crate::job::{Answer, Job, Problem, Reply};
 use crate::path::{Ability, Adapter, Greeting, JOBS};
 
-/// Writes a `Greeting`, which is the first line that a program must write to become an executor. Then reads jobs line
-/// by line, runs each job, and writes the replies. Returns at the end of the input.
+/// Turns this process into an executor for another process. First writes a `Greeting`, the line with which an executor
+/// introduces itself. Then reads jobs line by line, runs each job, and writes the replies. Returns at the end of the
+/// input.
 ///
 /// ```no_run
 /// use karat::Path;

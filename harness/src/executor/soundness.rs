@@ -70,8 +70,8 @@ fn rows(width: usize) -> Vec<u32> {
     rows
 }
 
-/// Scalar functions, each with the number of its arguments, and the smallest share of cases, in per cent, for
-/// which the engine must have bounds.
+/// Scalar functions, each with the number of its arguments and a percentage. The engine must have bounds for at least
+/// this percentage of the cases.
 const SCALARS: [(&str, usize, usize); 44] = [
     ("a + b", 2, 60),
     ("a - b", 2, 60),
@@ -119,7 +119,8 @@ const SCALARS: [(&str, usize, usize); 44] = [
     ("select(a, b, a < b)", 2, 99),
 ];
 
-/// Functions of vectors and matrices, with one component of each result, and conversions.
+/// Functions of vectors and matrices, and conversions. If a function returns a vector, the test takes only one
+/// component.
 const VECTORS: [(&str, usize, usize); 11] = [
     ("length(vec3f(a, b, c))", 3, 20),
     ("distance(vec2f(a, b), vec2f(c, 1.0))", 3, 20),

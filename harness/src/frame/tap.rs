@@ -52,8 +52,8 @@ impl Tap {
         Self { wanted: wanted.to_owned(), ..self.clone() }
     }
 
-    /// Selects the value that a pixel computes for the `round`th time, counted from 1. By default, a tap reads the last
-    /// value.
+    /// Selects one of the values if a pixel computes the value several times, as in a loop. `round` counts from 1. By
+    /// default, a tap reads the last value.
     #[must_use]
     pub fn round(self, round: Option<u32>) -> Self {
         Self { round, ..self }
@@ -133,7 +133,7 @@ pub enum TapError {
         place: String,
         /// The text of the value.
         text: String,
-        /// The kind of the value.
+        /// The reason, as the end of the message: `a constant`, `an atomic`.
         why: String,
     },
     /// Karat can't dispatch the passes.
@@ -315,7 +315,7 @@ pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     all.iter().filter(is_print).map(place).collect()
 }
 
-/// Splits a position into a path, a line from 1, and a column if there is one.
+/// Splits a position such as `scene.wgsl:42:13` into a path, a line, and a column if there is one.
 fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     let (rest, last) = wanted.rsplit_once(':')?;
     let last: usize = last.parse().ok()?;
@@ -372,8 +372,8 @@ pub(crate) struct Wanted {
     shape: Shape,
 }
 
-/// Finds the value that the caller named. Also returns `true` if another value in the function has the same name, and
-/// the member or element, if the caller named one.
+/// Finds the value that the caller named. The `bool` is `true` if another value in the function has the same name. The
+/// last part is the member or element that the caller named, if any.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
@@ -406,8 +406,8 @@ fn of(all: &[Candidate], is: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
     (0..all.len()).filter(|index| is(&all[*index])).collect()
 }
 
-/// Returns the indices of the values at a position, and a text for the message. If no value is at the position, the
-/// text lists the values on that line.
+/// Returns the indices of the values at a position. If no value is there, also returns a text for the error message,
+/// such as a list of the values on that line.
 fn at_place(
     all: &[Candidate],
     (file, line, column): (&str, usize, Option<usize>),
@@ -502,8 +502,9 @@ impl Frame<'_> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
 
-    /// Reads several values. Each time that Karat draws the frame, Karat reads as many values as fit into the 32 bytes
-    /// of a pixel. If a tap draws the colours [beside](Tap::beside) its value, Karat reads each value separately.
+    /// Reads several values. The targets of every device have space for 32 bytes per pixel, so each time that Karat
+    /// draws the frame, it reads as many values as fit into 32 bytes. If a tap draws the colours [beside](Tap::beside)
+    /// its value, Karat reads each value separately.
     ///
     /// # Errors
     /// As for [`tap`](Self::tap).
