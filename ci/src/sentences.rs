@@ -215,7 +215,10 @@ fn literals(text: &str) -> Vec<Paragraph> {
 /// Cuts a paragraph into sentences: between the cells of a table, and after each full stop before a capital letter or
 /// code.
 fn cut((line, about, paragraph): Paragraph) -> Vec<Sentence> {
-    let mut marked = paragraph.replace("| ", "|\n");
+    let mut marked = match paragraph.starts_with('|') {
+        true => paragraph.replace("| ", "|\n"),
+        false => paragraph,
+    };
     for first in ('A'..='Z').chain(['`', '*', '[', '"']) {
         marked = marked.replace(&format!(". {first}"), &format!(".\n{first}"));
     }
