@@ -256,7 +256,7 @@ impl Passes {
     /// Links passes and binds their fixtures. For a buffer, the test can set only the size, and leave out the contents.
     ///
     /// # Errors
-    /// If an entry point or a fixture is missing, or if there is a fixture that no pass uses.
+    /// Returns an error if an entry point or a fixture is missing, or if there is a fixture that no pass uses.
     pub fn new(
         package: &Package,
         wanted: &[Wanted],

@@ -533,7 +533,7 @@ impl<'a> Frame<'a> {
     /// ```
     ///
     /// # Panics
-    /// If the frame has no mesh yet.
+    /// Panics if the frame has no mesh yet.
     pub fn depth_fragment(mut self, fragment: &str) -> Self {
         let mesh = self.scene.draws.iter().rposition(Draw::is_mesh);
         let mesh = mesh.expect("add a mesh before `.depth_fragment(...)`");
@@ -769,7 +769,7 @@ impl<'a> Frame<'a> {
     /// ```
     ///
     /// # Errors
-    /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
+    /// Returns an error if the shader isn't valid, a fixture is missing, or the path doesn't open.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {

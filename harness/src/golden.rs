@@ -339,7 +339,7 @@ impl Goldens {
     /// ```
     ///
     /// # Errors
-    /// If the image differs from the golden, or there is no golden.
+    /// Returns an error if the image differs from the golden, or there is no golden.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn check_image(

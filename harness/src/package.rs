@@ -233,7 +233,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the crate doesn't exist, or if it has no shaders.
+    /// Returns an error if the crate doesn't exist, or if it has no shaders.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
@@ -252,8 +252,8 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the package isn't a crate, if its modules can't import from a crate `krate`, or if that crate has no
-    /// folder `root`.
+    /// Returns an error if the package isn't a crate, if its modules can't import from a crate `krate`, or if that
+    /// crate has no folder `root`.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
@@ -277,7 +277,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the folder or file doesn't exist.
+    /// Returns an error if the folder or file doesn't exist.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, PackageError> {
         let path = path.as_ref();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -494,7 +494,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the folder is missing or unreadable, or if it has no modules.
+    /// Returns an error if the folder is missing or unreadable, or if it has no modules.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn modules(&self) -> Result<Vec<String>, PackageError> {
@@ -536,7 +536,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If a folder can't be read, or if a `.wgsl` or `.wesl` file can't be a module.
+    /// Returns an error if a folder can't be read, or if a `.wgsl` or `.wesl` file can't be a module.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {

@@ -307,7 +307,7 @@ impl Run {
     /// Writes `run.json` into a folder of records.
     ///
     /// # Errors
-    /// If the file can't be written.
+    /// Returns an error if the file can't be written.
     pub fn write(&self, folder: &Path) -> std::io::Result<()> {
         let text = serde_json::to_string(self).expect("a run is plain data");
         crate::image::write_whole(&folder.join(Self::FILE), text.as_bytes())
@@ -325,7 +325,7 @@ impl Run {
     /// ```
     ///
     /// # Errors
-    /// If the file can't be read, or isn't of this version.
+    /// Returns an error if the file can't be read, or isn't of this version.
     pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
         Ok(Recorded::read(folder)?.and_then(|recorded| recorded.run))
     }
@@ -452,7 +452,7 @@ pub(crate) fn wanted() -> bool {
 /// Appends a verdict to this process's file, if `KARAT_RECORD` names a folder.
 ///
 /// # Panics
-/// If Karat can't write the record. Without the record, the report would be incomplete.
+/// Panics if Karat can't write the record. Without the record, the report would be incomplete.
 pub(crate) fn write(record: &Record) {
     let Some(folder) = crate::settings::record().filter(|_| is_kept()) else { return };
     let folder = folder.as_path();
@@ -480,7 +480,7 @@ const LEFT_OUT: &str = "left-out";
 /// If the run is recorded, writes the test's name into a list of tests whose frames Karat didn't draw.
 ///
 /// # Panics
-/// If Karat can't write the file, as for [`write`].
+/// Panics if Karat can't write the file, as for [`write`].
 pub(crate) fn leave_out(test: &str) {
     if let Some(folder) = crate::settings::record() {
         crate::image::append_line(&folder, LEFT_OUT, test);
@@ -490,7 +490,7 @@ pub(crate) fn leave_out(test: &str) {
 /// Reads the names of the tests whose frames weren't drawn (`KARAT_FRAMES=off`) from a folder of records.
 ///
 /// # Errors
-/// If a file can't be read.
+/// Returns an error if a file can't be read.
 pub fn left_out(folder: &Path) -> std::io::Result<BTreeSet<String>> {
     let mut tests = BTreeSet::new();
     for entry in std::fs::read_dir(folder)? {
@@ -555,7 +555,7 @@ impl Recorded {
     /// ```
     ///
     /// # Errors
-    /// If a file can't be read, or a line isn't a record.
+    /// Returns an error if a file can't be read, or a line isn't a record.
     pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
         if !folder.is_dir() {
             return Ok(None);
@@ -594,7 +594,7 @@ pub fn was_killed(records: &Path) -> bool {
 /// ```
 ///
 /// # Errors
-/// If the folder or a file can't be read, or a line isn't a record.
+/// Returns an error if the folder or a file can't be read, or a line isn't a record.
 pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
     if !folder.is_dir() {
         return records(folder);

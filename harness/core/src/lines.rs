@@ -44,7 +44,7 @@ pub enum Answers {
 /// reads at most `most + 1` bytes from stdout, and as many from stderr.
 ///
 /// # Errors
-/// If the program doesn't start, or doesn't end within `patience`.
+/// Returns an error if the program doesn't start, or doesn't end within `patience`.
 pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Output, Broken> {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(|error| Broken::Start(error.to_string()))?;

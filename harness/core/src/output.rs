@@ -228,7 +228,7 @@ impl<W: Write> Output<W> {
     /// Writes the text after the last line end, and flushes the stream.
     ///
     /// # Errors
-    /// If a write failed for another reason than a closed stream.
+    /// Returns an error if a write failed for another reason than a closed stream.
     pub fn finish(mut self) -> io::Result<()> {
         self.pass_on(self.line.len());
         self.attempt(Write::flush);

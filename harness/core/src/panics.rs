@@ -58,7 +58,7 @@ struct Passing(Box<dyn Any + Send>);
 /// Runs `work`, and catches its panic.
 ///
 /// # Errors
-/// If `work` panics.
+/// Returns an error if `work` panics.
 pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

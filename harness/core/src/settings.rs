@@ -197,7 +197,7 @@ pub enum SettingsError {
 /// The settings of this process, from its environment.
 ///
 /// # Errors
-/// If a variable is unknown, or has an invalid value.
+/// Returns an error if a variable is unknown, or has an invalid value.
 #[doc(hidden)]
 pub fn current() -> Result<&'static Settings, SettingsError> {
     static SETTINGS: OnceLock<Result<Settings, SettingsError>> = OnceLock::new();
@@ -287,7 +287,7 @@ pub fn case_as_typed() -> String {
 /// Checks the settings in the environment.
 ///
 /// # Errors
-/// If a variable is unknown, or has an invalid value.
+/// Returns an error if a variable is unknown, or has an invalid value.
 pub fn check() -> Result<(), SettingsError> {
     current().map(|_| ())
 }

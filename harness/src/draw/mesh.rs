@@ -49,7 +49,7 @@ impl Mesh {
     /// `[f32; 3]`, or a type of your own ([`vector!`](crate::vector)).
     ///
     /// # Panics
-    /// If an index has no position, if the number of indices isn't a multiple of three, or if a position doesn't
+    /// Panics if an index has no position, if the number of indices isn't a multiple of three, or if a position doesn't
     /// consist of three floats.
     #[must_use]
     pub fn new<P: Shareable>(positions: Vec<P>, indices: Vec<u32>) -> Self {
@@ -82,8 +82,8 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If the number of values differs from the number of positions, if another attribute uses the location, or if a
-    /// value doesn't consist of one to four floats or integers.
+    /// Panics if the number of values differs from the number of positions, if another attribute uses the location, or
+    /// if a value doesn't consist of one to four floats or integers.
     #[must_use]
     pub fn attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         let vertices = self.vertices();
@@ -109,8 +109,8 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If `values` is empty, if another attribute uses the location, or if a value doesn't consist of one to four
-    /// floats or integers.
+    /// Panics if `values` is empty, if another attribute uses the location, or if a value doesn't consist of one to
+    /// four floats or integers.
     #[must_use]
     pub fn instance_attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         assert!(!values.is_empty(), "the attribute at location {location} has no values");

@@ -105,7 +105,7 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the number of vertices is 0 or isn't a multiple of three.
+    /// Panics if the number of vertices is 0 or isn't a multiple of three.
     pub fn vertices(vertex: &str, fragment: &str, count: u32) -> Self {
         assert!(
             count > 0 && count.is_multiple_of(3),
@@ -221,8 +221,8 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the draw has no mesh, or if an index is above 65534. GPUs reserve the 16-bit index 65535: it restarts a strip
-    /// of triangles.
+    /// Panics if the draw has no mesh, or if an index is above 65534. GPUs reserve the 16-bit index 65535: it restarts
+    /// a strip of triangles.
     pub fn u16_indices(mut self) -> Self {
         let Geometry::Mesh(mesh) = &self.geometry else {
             panic!("the draw has no mesh, so it has no indices")
@@ -407,7 +407,7 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If `channels` contains a letter other than r, g, b and a.
+    /// Panics if `channels` contains a letter other than r, g, b and a.
     pub fn write_mask(mut self, target: usize, channels: &str) -> Self {
         let other = channels.chars().find(|channel| !"rgba".contains(*channel));
         assert!(other.is_none(), "`{channels}` contains a letter other than r, g, b and a");

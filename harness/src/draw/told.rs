@@ -22,7 +22,7 @@ impl<'s> Drawing<'s> {
     /// A copy of this drawing without one draw. `number` counts only the draws with a fragment function.
     ///
     /// # Errors
-    /// If the fixtures don't match the variables of the other draws.
+    /// Returns an error if the fixtures don't match the variables of the other draws.
     pub(crate) fn without_draw(&self, number: usize) -> Result<Self, DrawError> {
         let mut scene = Scene::clone(&self.scene);
         let has_fragment = |(_, draw): &(usize, &Draw)| draw.fragment.is_some();
@@ -67,7 +67,7 @@ impl<'s> Drawing<'s> {
     /// twice as many words.
     ///
     /// # Errors
-    /// If naga rejects the changed program.
+    /// Returns an error if naga rejects the changed program.
     pub(crate) fn telling(
         &self,
         values: &[(&Valued, When)],

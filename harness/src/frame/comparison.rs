@@ -41,7 +41,7 @@ impl Frame<'_> {
     /// draws only an [unrecorded](Self::unrecorded) frame.
     ///
     /// # Errors
-    /// If the frame differs from its golden, or if the golden doesn't exist.
+    /// Returns an error if the frame differs from its golden, or if the golden doesn't exist.
     #[track_caller]
     pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
         if self.is_left_out() {

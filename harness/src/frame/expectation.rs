@@ -60,7 +60,7 @@ impl Frame<'_> {
     /// method draws only an [unrecorded](Self::unrecorded) frame.
     ///
     /// # Errors
-    /// If a mean differs, or if Karat can't compute it.
+    /// Returns an error if a mean differs, or if Karat can't compute it.
     #[track_caller]
     pub fn try_has_mean(
         &self,

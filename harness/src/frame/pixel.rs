@@ -65,7 +65,8 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Errors
-    /// If no draw covers the pixel, if the frame can't be drawn, or if the engine can't run the function.
+    /// Returns an error if no draw covers the pixel, if the frame can't be drawn, or if the engine can't run the
+    /// function.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn trace(&self, path: Path, pixel: (u32, u32)) -> Result<TracedPixel, TapError> {

@@ -453,7 +453,7 @@ impl Frame<'_> {
     /// expression and its position.
     ///
     /// # Errors
-    /// If the frame can't be drawn.
+    /// Returns an error if the frame can't be drawn.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn values(&self, path: Path) -> Result<Vec<String>, TapError> {
@@ -467,7 +467,7 @@ impl Frame<'_> {
     /// The source position of each `print` in code that the fragment functions run. [`Tap::new`] accepts each position.
     ///
     /// # Errors
-    /// If the frame can't be drawn.
+    /// Returns an error if the frame can't be drawn.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn prints(&self, path: Path) -> Result<Vec<String>, TapError> {
@@ -495,7 +495,7 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Errors
-    /// If the frame has no such value, or if it can't be drawn.
+    /// Returns an error if the frame has no such value, or if it can't be drawn.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {

@@ -211,7 +211,7 @@ impl FrameTolerance {
     /// its golden. Karat derives HDR-FLIP's exposures from the golden.
     ///
     /// # Errors
-    /// If the images differ by more than the tolerance, or can't be compared.
+    /// Returns an error if the images differ by more than the tolerance, or can't be compared.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn compare(

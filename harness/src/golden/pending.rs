@@ -46,9 +46,9 @@ impl Pending {
     /// doesn't name the folder: an older Karat wrote the file, or the folder was in no project.
     ///
     /// # Errors
-    /// If `here` is in no project, if the folder isn't inside of the project, or if a part of the folder's path
-    /// begins with a dot, such as `.git`. Pending files may come from other machines, so Karat doesn't trust
-    /// their folders.
+    /// Returns an error if `here` is in no project, if the folder isn't inside of the project, or if a part of the
+    /// folder's path begins with a dot, such as `.git`. Pending files may come from other machines, so Karat doesn't
+    /// trust their folders.
     pub fn goldens(&self, here: &Path) -> Result<Option<Goldens>, AcceptError> {
         let folder = &self.provenance.folder;
         if folder.is_empty() {
@@ -209,7 +209,7 @@ impl Goldens {
     /// The pending frames of this name, and the unusable files whose file names have this name.
     ///
     /// # Errors
-    /// If no pending frame or unusable file has this name.
+    /// Returns an error if no pending frame or unusable file has this name.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
@@ -219,7 +219,7 @@ impl Goldens {
     /// The pending frames of this name, and of the names for which `matches` returns `true`.
     ///
     /// # Errors
-    /// If no pending frame or unusable file has such a name.
+    /// Returns an error if no pending frame or unusable file has such a name.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn select_by(
@@ -257,7 +257,7 @@ impl Goldens {
     /// Deletes a pending frame and its preview.
     ///
     /// # Errors
-    /// If the file can't be deleted.
+    /// Returns an error if the file can't be deleted.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn reject(&self, pending: &Pending) -> Result<(), AcceptError> {

@@ -98,7 +98,7 @@ impl Provenance {
     /// Reads the metadata of an EXR file.
     ///
     /// # Errors
-    /// If a newer Karat wrote the metadata, or if the metadata isn't a provenance.
+    /// Returns an error if a newer Karat wrote the metadata, or if the metadata isn't a provenance.
     pub fn parse(metadata: &str) -> Result<Self, ProvenanceError> {
         #[derive(Deserialize)]
         struct Version {

@@ -142,7 +142,7 @@ impl Table {
     /// Reads a table with its facts.
     ///
     /// # Errors
-    /// If the file can't be read, or a line isn't valid.
+    /// Returns an error if the file can't be read, or a line isn't valid.
     pub fn read(file: &Path) -> Result<(Self, Provenance), TableError> {
         parts::check_file(file)?;
         let path = || shown(file);

@@ -22,7 +22,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If a module can't be read or parsed.
+    /// Returns an error if a module can't be read or parsed.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn functions(&self) -> Result<Vec<FunctionItem>, PackageError> {
@@ -42,7 +42,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the module can't be read or parsed.
+    /// Returns an error if the module can't be read or parsed.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {

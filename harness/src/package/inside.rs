@@ -53,7 +53,7 @@ pub fn is_crate(package: &Package) -> bool {
 /// The declarations of `karat.toml` for the search for hazards.
 ///
 /// # Errors
-/// If `karat.toml` can't be read.
+/// Returns an error if `karat.toml` can't be read.
 pub fn declared_hazards(package: &Package) -> Result<Hazards, PackageError> {
     Ok(Manifest::of(package)?.hazards())
 }
@@ -61,7 +61,7 @@ pub fn declared_hazards(package: &Package) -> Result<Hazards, PackageError> {
 /// The mutants that `karat.toml` accepts.
 ///
 /// # Errors
-/// If `karat.toml` can't be read.
+/// Returns an error if `karat.toml` can't be read.
 pub fn accepted_mutants(package: &Package) -> Result<Vec<AcceptedMutants>, PackageError> {
     Ok(Manifest::of(package)?.mutants())
 }
@@ -69,7 +69,7 @@ pub fn accepted_mutants(package: &Package) -> Result<Vec<AcceptedMutants>, Packa
 /// The rows of the translation matrix that `karat.toml` declares as known failures.
 ///
 /// # Errors
-/// If `karat.toml` can't be read.
+/// Returns an error if `karat.toml` can't be read.
 pub fn known_rows(package: &Package) -> Result<Vec<KnownRows>, PackageError> {
     Ok(Manifest::of(package)?.known_rows())
 }

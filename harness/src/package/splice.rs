@@ -98,7 +98,7 @@ impl Spliced {
     /// a whole name, a `#{NAME}`, a `discard` or a call's `(`, and that only line ends separate the copied ranges.
     ///
     /// # Errors
-    /// If the check fails. Then the linker has a bug, and the linked text isn't the author's program.
+    /// Returns an error if the check fails. Then the linker has a bug, and the linked text isn't the author's program.
     pub(super) fn check(&self) -> Result<(), Box<Diagnostic>> {
         let mut done = 0;
         for piece in &self.pieces {

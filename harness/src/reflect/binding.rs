@@ -69,8 +69,8 @@ impl Program {
     /// Links and validates a compute entry point with everything that it uses.
     ///
     /// # Errors
-    /// If the linked text isn't valid, if `name` isn't a compute entry point, if an override has no value, or if
-    /// the workgroup is larger than any device supports.
+    /// Returns an error if the linked text isn't valid, if `name` isn't a compute entry point, if an override has no
+    /// value, or if the workgroup is larger than any device supports.
     pub fn of_pass(
         package: &Package,
         name: &str,

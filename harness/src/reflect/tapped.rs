@@ -173,7 +173,7 @@ impl Program {
     /// an atomic operation.
     ///
     /// # Errors
-    /// If there is such a side effect; the error has its location.
+    /// Returns an error if there is such a side effect; the error has its location.
     pub(crate) fn expect_no_effects(&self) -> Result<(), ReflectError> {
         let (module, info) = (self.module(), self.info());
         let functions = module.functions.iter().map(|(_, function)| function);
@@ -232,7 +232,7 @@ impl Program {
     /// A copy of this program in which the fragment functions `fragments` return the values in `telling`.
     ///
     /// # Errors
-    /// If naga rejects the program.
+    /// Returns an error if naga rejects the program.
     pub(crate) fn telling(
         &self,
         fragments: &[&str],
@@ -260,7 +260,7 @@ impl Program {
     /// [`TOLD`]. `counts` has the number of invocations in each direction.
     ///
     /// # Errors
-    /// If naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
+    /// Returns an error if naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
     pub(crate) fn telling_pass(
         &self,
         entry_point: &str,

@@ -122,8 +122,8 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If a module isn't valid: the error has each such module, with the reason. The call also fails if the package
-    /// requires Tint's verdict but Tint has no verdict, or if the package has no code.
+    /// Returns an error if a module isn't valid: the error has each such module, with the reason. The call also fails
+    /// if the package requires Tint's verdict but Tint has no verdict, or if the package has no code.
     pub fn try_is_valid(&self) -> Result<Validated, Invalid> {
         let modules = self.modules()?;
         self.knows_its_validated(&modules)?;

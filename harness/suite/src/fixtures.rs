@@ -40,7 +40,7 @@ const SAMPLES: u32 = 4;
 /// Makes the fixture that a test or a command binds to a variable. Files are relative to `folder`.
 ///
 /// # Errors
-/// If the value doesn't fit the variable's type, or a file can't be read.
+/// Returns an error if the value doesn't fit the variable's type, or a file can't be read.
 pub fn fixture(
     program: &Program,
     binding: &Binding,

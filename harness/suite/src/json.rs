@@ -11,7 +11,7 @@ use crate::domains::lanes;
 /// Parses JSON.
 ///
 /// # Errors
-/// If the text isn't JSON, or an object has two members with the same name.
+/// Returns an error if the text isn't JSON, or an object has two members with the same name.
 pub fn json(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
 }
@@ -20,7 +20,7 @@ pub fn json(text: &str) -> Result<Value, serde_json::Error> {
 /// or an array is a list.
 ///
 /// # Errors
-/// If the text isn't JSON, or its value doesn't have this type.
+/// Returns an error if the text isn't JSON, or its value doesn't have this type.
 pub fn lanes_of_json(shape: &Shape, text: &str) -> Result<Vec<u32>, String> {
     let value = json(text).map_err(|error| error.to_string())?;
     let value = toml::Value::try_from(value).map_err(|_| "`null` isn't a value".to_owned())?;

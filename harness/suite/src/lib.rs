@@ -153,7 +153,7 @@ impl Suite {
     /// Finds the tests in a folder of shaders, or in one file.
     ///
     /// # Errors
-    /// If the folder can't be read, or has no module.
+    /// Returns an error if the folder can't be read, or has no module.
     pub fn open(folder: &Path) -> Result<Self, FindError> {
         Self::of(Package::open(folder).map_err(FindError::Package)?)
     }
@@ -161,7 +161,7 @@ impl Suite {
     /// Finds the tests of a package.
     ///
     /// # Errors
-    /// If the package can't be read, or has no module.
+    /// Returns an error if the package can't be read, or has no module.
     pub fn of(package: Package) -> Result<Self, FindError> {
         find::find(package)
     }

@@ -76,7 +76,7 @@ pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
 /// decimal means the nearest `f32`.
 ///
 /// # Errors
-/// If the cell isn't a finite number, or the component can't represent it.
+/// Returns an error if the cell isn't a finite number, or the component can't represent it.
 pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, String> {
     let decimal = || {
         let value = cell.parse().ok().filter(|value: &f64| value.is_finite());

@@ -20,8 +20,9 @@ impl Places {
     /// Reads a head, which has the names of the columns in any order.
     ///
     /// # Errors
-    /// If a column is missing or occurs twice. Also if a column has a name such as `v.z`, but the argument `v` has no
-    /// `z`: the type of `v` may have changed. The error text continues a sentence that begins with the table's name.
+    /// Returns an error if a column is missing or occurs twice. Also if a column has a name such as `v.z`, but the
+    /// argument `v` has no `z`: the type of `v` may have changed. The error text continues a sentence that begins with
+    /// the table's name.
     pub fn of_head(head: &[&str], arguments: &[&str], expected: &[&str]) -> Result<Self, String> {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {

@@ -38,10 +38,10 @@ impl Suite {
     /// Runs a test, in a thread with the test's name. Seeds and records depend on this name.
     ///
     /// # Errors
-    /// If the test fails or can't run.
+    /// Returns an error if the test fails or can't run.
     ///
     /// # Panics
-    /// If no thread can start.
+    /// Panics if no thread can start.
     pub fn run(&self, test: &Test) -> Result<(), Wrong> {
         self.run_with(test, &Groups::default())
     }
@@ -52,7 +52,7 @@ impl Suite {
     /// As [`run`](Self::run).
     ///
     /// # Panics
-    /// If no thread can start.
+    /// Panics if no thread can start.
     pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
         Self::on_a_thread(test, || self.verdict(test, groups))
     }
@@ -64,7 +64,7 @@ impl Suite {
     /// As [`run`](Self::run).
     ///
     /// # Panics
-    /// If no thread can start.
+    /// Panics if no thread can start.
     pub fn run_unrecorded(&self, test: &Test) -> Result<Seen, Wrong> {
         let verdict = || {
             let (verdict, seen) = unrecorded(|| self.verdict(test, &Groups::default()));
@@ -135,7 +135,7 @@ impl Suite {
     /// here no check runs.
     ///
     /// # Panics
-    /// If no thread can start.
+    /// Panics if no thread can start.
     pub fn record_broken(&self, broken: &Broken) {
         let Broken { name, wrong, .. } = broken;
         let subject = self.unbegun(name, "declared", wrong.place.as_deref());
@@ -677,7 +677,7 @@ impl Suite {
     /// The frame of the `[[frame]]` with this name; `None` if there is no such frame.
     ///
     /// # Errors
-    /// If the frame's declaration is wrong.
+    /// Returns an error if the frame's declaration is wrong.
     #[must_use]
     pub fn frame(&self, name: &str) -> Option<Result<karat::Frame<'_>, Wrong>> {
         let mut tests = self.tests.iter();
@@ -697,7 +697,7 @@ impl Suite {
     /// there is no such `[[compute]]`.
     ///
     /// # Errors
-    /// If the declaration is wrong.
+    /// Returns an error if the declaration is wrong.
     #[must_use]
     pub fn compute(&self, name: &str) -> Option<Result<karat::compute::Compute<'_>, Wrong>> {
         let is_it = |path: &str| path == name || path.rsplit("::").next() == Some(name);

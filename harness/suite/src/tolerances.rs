@@ -46,7 +46,7 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
 /// Reads a tolerance: bounds joined by `or`, or by `and`.
 ///
 /// # Errors
-/// If the text isn't a tolerance.
+/// Returns an error if the text isn't a tolerance.
 pub fn tolerance(text: &str) -> Result<Tolerance, String> {
     let (words, or): (Vec<&str>, bool) = match (text.contains(" or "), text.contains(" and ")) {
         (true, true) => {

@@ -98,7 +98,7 @@ impl Held {
     /// The value.
     ///
     /// # Panics
-    /// If the value isn't a `V`. The closures of a check always use the type of the check's domain.
+    /// Panics if the value isn't a `V`. The closures of a check always use the type of the check's domain.
     #[doc(hidden)]
     pub fn get<V: 'static>(&self) -> &V {
         let value: &dyn Any = &*self.value;

@@ -122,9 +122,10 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// If the file is missing, unreadable or damaged; if the file is longer than 512 MB; if a side is longer than 16384
-    /// pixels; if a part has over 32 channels; or if a part's pixels take over 512 MB or over 2000 times the file's
-    /// length. Deep data, chroma of a lower resolution and the compressions HTJ2K, ZSTD and LJ2K aren't supported.
+    /// Returns an error if the file is missing, unreadable or damaged; if the file is longer than 512 MB; if a side is
+    /// longer than 16384 pixels; if a part has over 32 channels; or if a part's pixels take over 512 MB or over 2000
+    /// times the file's length. Deep data, chroma of a lower resolution and the compressions HTJ2K, ZSTD and LJ2K
+    /// aren't supported.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         Self::decode(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
@@ -218,8 +219,8 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// If there are no parts, if a part's name has invalid characters or occurs twice, if a side is 0 or longer than
-    /// 16384 pixels, or if the folder or file can't be written.
+    /// Returns an error if there are no parts, if a part's name has invalid characters or occurs twice, if a side is 0
+    /// or longer than 16384 pixels, or if the folder or file can't be written.
     pub fn write(&self, path: &Path) -> Result<(), ImageError> {
         write::write(path, &self.layers(), self.metadata.as_deref())
     }

@@ -25,7 +25,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// If the file is missing, unreadable, damaged, of another format or too large.
+    /// Returns an error if the file is missing, unreadable, damaged, of another format or too large.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         Self::read_as(path, Samples::Colours)
     }

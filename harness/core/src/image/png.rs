@@ -32,7 +32,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// If the file can't be written.
+    /// Returns an error if the file can't be written.
     pub fn write_png(&self, path: &Path) -> Result<(), ImageError> {
         self.write_png_exposed(path, 0.0)
     }
@@ -48,10 +48,10 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// If the file can't be written.
+    /// Returns an error if the file can't be written.
     ///
     /// # Panics
-    /// If `stops` isn't finite.
+    /// Panics if `stops` isn't finite.
     pub fn write_png_exposed(&self, path: &Path, stops: f32) -> Result<(), ImageError> {
         assert!(stops.is_finite(), "the exposure of {stops} stops isn't finite");
         written(path, (self.width, self.height), png::ColorType::Rgb, &self.exposed(stops))
@@ -83,7 +83,7 @@ impl Image {
 /// Writes a PNG with the given bytes, row by row. Each pixel has four bytes: three for 8-bit sRGB, and one for alpha.
 ///
 /// # Errors
-/// If the file can't be written.
+/// Returns an error if the file can't be written.
 pub fn write_colours(path: &Path, size: (u32, u32), colours: &[u8]) -> Result<(), ImageError> {
     written(path, size, png::ColorType::Rgba, colours)
 }

@@ -17,7 +17,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// ```
 ///
 /// # Errors
-/// If the folder or file can't be written.
+/// Returns an error if the folder or file can't be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     // A program that has the file open would continue to write into the replaced file.
     let is_open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];

@@ -126,8 +126,8 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If FLIP can't compute the errors, or if alpha or a negative value differs: FLIP ignores alpha and negative
-    /// values.
+    /// Returns an error if FLIP can't compute the errors, or if alpha or a negative value differs: FLIP ignores alpha
+    /// and negative values.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
@@ -205,7 +205,7 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If FLIP can't compute the errors.
+    /// Returns an error if FLIP can't compute the errors.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {

@@ -28,7 +28,7 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If FLIP can't compute the errors.
+    /// Returns an error if FLIP can't compute the errors.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {

@@ -208,7 +208,7 @@ impl Mask {
     /// ```
     ///
     /// # Errors
-    /// If the mask can't be used for a frame of this size, or if the mask excludes all pixels.
+    /// Returns an error if the mask can't be used for a frame of this size, or if the mask excludes all pixels.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {

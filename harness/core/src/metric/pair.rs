@@ -85,7 +85,7 @@ impl<'a> Pair<'a> {
     /// ```
     ///
     /// # Errors
-    /// If the images have different sizes, or if a value isn't finite.
+    /// Returns an error if the images have different sizes, or if a value isn't finite.
     pub fn new(golden: &'a Image, actual: &'a Image) -> Result<Self, PairError> {
         same_size(golden, actual)?;
         Self::scan(Cow::Borrowed(golden), Cow::Borrowed(actual), None)
@@ -106,7 +106,7 @@ impl<'a> Pair<'a> {
     /// ```
     ///
     /// # Errors
-    /// If the sizes differ, if a compared pixel isn't finite, or if the mask can't be used.
+    /// Returns an error if the sizes differ, if a compared pixel isn't finite, or if the mask can't be used.
     pub fn masked(golden: &'a Image, actual: &'a Image, mask: &Mask) -> Result<Self, PairError> {
         same_size(golden, actual)?;
         let flags = mask.flags(golden.width(), golden.height())?;

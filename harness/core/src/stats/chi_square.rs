@@ -29,8 +29,8 @@ impl ChiSquare {
     /// have no samples: a single sample there makes the p-value 0.
     ///
     /// # Errors
-    /// If there are no samples, if an expected count is negative or not a number, or if fewer than two cells are left
-    /// after pooling.
+    /// Returns an error if there are no samples, if an expected count is negative or not a number, or if fewer than two
+    /// cells are left after pooling.
     pub fn of(observed: &[u64], expected: &[f64]) -> Result<Self, NoVerdict> {
         if observed.len() != expected.len() {
             let (observed, expected) = (observed.len(), expected.len());

@@ -86,7 +86,7 @@ struct Part {
 /// `evaluate` receives points and returns the function's components at each point, one point after another.
 ///
 /// # Errors
-/// If `evaluate` fails, or if the two rules still disagree after the largest number of nodes.
+/// Returns an error if `evaluate` fails, or if the two rules still disagree after the largest number of nodes.
 pub fn integrate<E>(
     support: Support,
     cells: &Cells,

@@ -23,8 +23,8 @@ impl Kolmogorov {
     /// steps, the p-value may be too large, but not too small (Conover 1972).
     ///
     /// # Errors
-    /// If there are fewer than 40 samples, if a sample isn't a number, if a value of the function isn't between 0 and
-    /// 1, or if `slack` isn't in [0, 1).
+    /// Returns an error if there are fewer than 40 samples, if a sample isn't a number, if a value of the function
+    /// isn't between 0 and 1, or if `slack` isn't in [0, 1).
     pub fn of(
         samples: &mut [f64],
         distribution: impl Fn(f64) -> f64,

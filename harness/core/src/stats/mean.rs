@@ -98,9 +98,9 @@ impl Mean {
     /// because of their rounding.
     ///
     /// # Errors
-    /// If there are fewer than 100 samples, if a number isn't finite, or if the slack is negative. The result is also
-    /// an error if the mean differs from the expected mean, but its standard error can't be estimated because a few
-    /// samples dominate the mean, or because all samples are 0.
+    /// Returns an error if there are fewer than 100 samples, if a number isn't finite, or if the slack is negative. The
+    /// result is also an error if the mean differs from the expected mean, but its standard error can't be estimated
+    /// because a few samples dominate the mean, or because all samples are 0.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {

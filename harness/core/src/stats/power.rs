@@ -11,8 +11,8 @@ use super::{NoVerdict, probability};
 /// should have the same sum.
 ///
 /// # Errors
-/// If the lists have different lengths, if a probability is negative or not a number, or if fewer than two cells are
-/// left after pooling.
+/// Returns an error if the lists have different lengths, if a probability is negative or not a number, or if fewer than
+/// two cells are left after pooling.
 pub fn chi_square_power(
     claimed: &[f64],
     actual: &[f64],
@@ -62,7 +62,8 @@ pub fn chi_square_power(
 /// by `difference`. `error` is the standard error of the samples' mean.
 ///
 /// # Errors
-/// If an argument isn't a number, if the error or the slack is negative, or if the significance isn't between 0 and 1.
+/// Returns an error if an argument isn't a number, if the error or the slack is negative, or if the significance isn't
+/// between 0 and 1.
 pub fn mean_power(
     difference: f64,
     error: f64,
@@ -90,8 +91,8 @@ pub fn mean_power(
 /// position has a binomial distribution (Massey 1950), which Karat approximates by a normal distribution.
 ///
 /// # Errors
-/// If a value isn't a probability, if there are no points, if the slack is negative, or if the significance isn't
-/// between 0 and 1.
+/// Returns an error if a value isn't a probability, if there are no points, if the slack is negative, or if the
+/// significance isn't between 0 and 1.
 pub fn kolmogorov_power(
     points: &[(f64, f64)],
     samples: f64,
