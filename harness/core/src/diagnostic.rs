@@ -342,7 +342,7 @@ impl FileRead {
 /// function returns an error for these.
 ///
 /// # Errors
-/// If the path doesn't exist, isn't a file, or can't be read.
+/// Returns an error if the path doesn't exist, isn't a file, or can't be read.
 pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
     let kind = std::fs::metadata(file)?;
     if kind.is_file() || kind.is_dir() {

@@ -193,7 +193,7 @@ pub trait Domain: Send + Sync {
     /// ```
     ///
     /// # Panics
-    /// If the types have different shapes.
+    /// Panics if the types have different shapes.
     #[track_caller]
     fn cast<T: Shareable>(self) -> Map<Self, fn(Self::Value) -> T>
     where

@@ -102,7 +102,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     }
 }
 
-/// `karat compare` detects a function that reads another texture or sampler, or has two swapped parameters.
+/// `karat compare` detects if an edit makes a function read a different texture or sampler, or swaps two parameters.
 #[test]
 fn swapped_textures_and_samplers_are_a_change() {
     let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\

@@ -15,8 +15,7 @@ pub enum Mend {
     Elsewhere(String),
     /// A name in capitals that no module declares. This name may be a macro, which needs a value in `[values]`.
     Undeclared(String),
-    /// The name of a placeholder on a line of its own, or of a macro before brackets. The name needs a value in
-    /// `[values]`, which may be an empty text.
+    /// @@MEND
     Text(String),
     /// A package from which modules import, and which `[dependencies]` must name.
     Dependency(String),
