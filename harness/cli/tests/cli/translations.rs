@@ -295,8 +295,8 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     assert_eq!(karat(folder.path(), &arguments).code, Some(1));
 }
 
-/// An entry point doesn't need the abilities that only other entry points of its module use. Karat
-/// doesn't judge results that depend on the size of a subgroup, because drivers have different sizes.
+/// An entry point doesn't need the abilities that only other entry points of its module use. Karat doesn't judge
+/// results that depend on the size of a subgroup, because drivers have different sizes.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
