@@ -1,8 +1,8 @@
 //! Turns off a warning of Mesa about its environment.
 
-/// Mesa's device-select layer searches for a window system. The layer warns twice if `XDG_RUNTIME_DIR` isn't a folder,
-/// as in CI and in containers. The environment variable `NODEVICE_SELECT` turns the layer off, but must be set before
-/// the first thread starts. So this program sets the variable and restarts once.
+/// Turns off Mesa's device-select layer, which warns twice if `XDG_RUNTIME_DIR` isn't a folder, as in CI and in
+/// containers. The environment variable `NODEVICE_SELECT` turns the layer off, but must be set before the first thread
+/// starts. So this program sets the variable and restarts once.
 #[cfg(target_os = "linux")]
 pub(crate) fn begin() {
     use std::os::unix::process::CommandExt;

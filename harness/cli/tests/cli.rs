@@ -303,8 +303,8 @@ fn call_explains_wrong_arguments() {
     }
 }
 
-/// A table keeps the bits of its values: each path returns every value of the table, and Karat prints a decimal of the
-/// same f32.
+/// A table keeps the bits of its values: each path returns every value unchanged, and Karat writes a decimal that
+/// parses to the same `f32`.
 #[test]
 fn a_table_of_cases_round_trips_bit_by_bit() {
     let project = project();

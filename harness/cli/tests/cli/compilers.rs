@@ -1,5 +1,5 @@
-//! Tests that Karat reports Tint's errors at the author's lines, exceeded limits of WebGPU, and the reason if Karat
-//! doesn't run Tint.
+//! Tests that Karat reports Tint's errors at the author's lines, and reports exceeded limits of WebGPU. If Karat
+//! doesn't run Tint, it says why.
 //!
 //! Tests that need Tint use this machine's Tint, which `cargo ci setup` installs. Other tests replace Tint by a program
 //! with planned output.
@@ -398,7 +398,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
     assert!(ran.code == Some(2) && ran.err.contains("did you mean `maxBindGroups`?"), "{ran:?}");
 }
 
-/// Karat tells Tint the limits that the project declares. Otherwise Tint would create pipelines with WebGPU's default
+/// Karat tells Tint the limits that the project declares. Without them, Tint's reply would depend on WebGPU's default
 /// limits.
 #[test]
 fn tint_accepts_a_module_within_the_requested_limits() {

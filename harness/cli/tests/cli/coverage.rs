@@ -89,7 +89,7 @@ fn a_value_that_an_assertion_reads_is_covered() {
     }
 }
 
-/// The program `lcov` reads the file, and its sums equal the sums in Karat's last line.
+/// The program `lcov` can read the file that `karat coverage --lcov` writes, and prints the expected sums.
 #[test]
 fn the_program_lcov_reads_the_report_with_equal_sums() {
     let folder = folder();

@@ -114,7 +114,7 @@ tolerance = \"1 ulp\"
 }
 
 /// A fragment function counts its pixels and writes storage, as order-independent transparency does. After a discard,
-/// the pixel's invocation continues as a helper. The other pixels of its quad are helpers from the start.
+/// the pixel's invocation continues as a helper. In `karat call`, the quad's other pixels are helpers from the start.
 #[test]
 fn pixels_that_write_storage_discard_and_have_derivatives() {
     let folder = shaders("");

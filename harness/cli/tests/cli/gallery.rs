@@ -139,7 +139,7 @@ impl Project {
         self.run(karat, folder, &[&["render"], arguments].concat())
     }
 
-    /// The frame `name` in a folder of frames, which also contains the frame's PNG.
+    /// Reads the frame's EXR file, and checks that the folder also contains a PNG of the frame.
     fn frame(&self, folder: &str, name: &str) -> Image {
         let folder = self.folder.path().join(folder);
         let png = std::fs::read(folder.join(name).with_extension("png")).expect("written");

@@ -151,7 +151,7 @@ fn init_skips_functions_that_rust_tests_check() {
     assert!(!path.join("shaders/a.test.toml").exists());
 }
 
-/// If the first test fails, the output says so, and shows the line.
+/// If the first test fails, the output says what the user should correct.
 #[test]
 fn a_failing_first_test_of_init_says_what_to_do() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -369,8 +369,8 @@ fn init_writes_in_ci_only_with_ci_may_write() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// If a project has a `package.json`, `karat init` adds a script that runs the tests. `karat init` requires Tint only
-/// if `package.json` lists Tint's package, so the first run passes on each machine.
+/// If a project has a `package.json`, `karat init` adds a script that runs the tests. The command makes the package
+/// of shaders require Tint only if Tint's npm package is listed in `package.json` and installed.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");

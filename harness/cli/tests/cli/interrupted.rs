@@ -47,7 +47,8 @@ fn files(folder: &FilePath) -> Vec<String> {
     names
 }
 
-/// Names of temporary files that Karat writes before it renames them. The number 4194999 is larger than any process id.
+/// Names of temporary files that Karat writes before it renames them. 4194999 stands for the id of a process that has
+/// ended: no running process has an id this large.
 const LEFTOVERS: [&str; 3] =
     ["scene.exr.4194999-0.tmp", "scene.toml.4194999-1.tmp", "room.new.exr.4194999-12.tmp"];
 

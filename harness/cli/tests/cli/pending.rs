@@ -1,4 +1,4 @@
-//! Tests `karat pending`, `accept` and `reject`, in this folder and on the files of a CI run.
+//! Tests `karat pending`, `accept` and `reject`, for frames of the project and for frames from a CI run.
 
 use std::collections::BTreeMap;
 use std::fs::File;

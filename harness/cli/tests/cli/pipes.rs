@@ -156,7 +156,7 @@ fn a_closed_pipe_does_not_stop_a_run() {
     }
 }
 
-/// If the disk is full, a command that prints its output fails with any verdict, but still does its work.
+/// If a command can't print its output because the disk is full, the command fails, but still does its work.
 // Lesson 57
 #[cfg(target_os = "linux")]
 #[test]

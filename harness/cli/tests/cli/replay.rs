@@ -94,7 +94,7 @@ fn more_failures_than_are_named_are_counted() {
     assert!(names(&few).len() == 8 && !few.contains(" more: "), "{few}");
 }
 
-/// If a report doesn't fit the screen, all checks of a module that pass share one line. The failures follow in full.
+/// If a report doesn't fit the screen, it has one line for all passing checks of a module. The failures follow in full.
 #[test]
 fn a_long_report_is_folded_by_module() {
     let passing = (0..30).map(|i| function(&format!("m{}::f{i}", i % 2), "gl", "pass", None));

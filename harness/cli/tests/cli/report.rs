@@ -688,8 +688,8 @@ fn no_closing_line_contradicts_its_run() {
     }
 }
 
-/// A runner that stops at a failure leaves out tests. The report of this part of the run and the report of the merged
-/// run say that tests are missing.
+/// If a runner stops at the first failure, the report says that tests are missing. So does a report that merges this
+/// run with others.
 // Lesson 183
 #[cfg(unix)]
 #[test]

@@ -107,8 +107,8 @@ fn a_slip_in_a_members_manifest_is_an_error() {
     }
 }
 
-/// If Rust tests use shaders, tests beside these shaders run with them. After this run, other commands also find these
-/// tests.
+/// If a Rust test uses shaders, `karat test` also runs the tests beside these shaders. After this run, other commands
+/// find these tests, too.
 // Lesson 186
 #[test]
 fn tests_beside_shaders_that_rust_tests_use_are_run() {
@@ -216,8 +216,8 @@ fn tests_outside_of_shaders_are_reported() {
     );
 }
 
-/// Every command reports a file that declares tests outside of `shaders`, or has `@test` there, with and without a
-/// karat.toml. If the file is inside of `shaders`, no command reports the file.
+/// Every command reports files of declared tests that are outside of `shaders`, even if `shaders` has a karat.toml. No
+/// command reports such a file inside of `shaders`.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in
@@ -266,7 +266,7 @@ fn declared_tests_outside_of_shaders_are_reported() {
     }
 }
 
-/// Karat doesn't use a second argument as a filter if a file or folder has this name. Instead, Karat reports an error.
+/// It is an error if the second argument, the filter, is the name of an existing file or folder.
 #[test]
 fn a_second_folder_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -369,7 +369,7 @@ fn a_folder_of_tests_alone_passes() {
     assert_eq!(run(path, &["test", "tests", "--paths", "cpu"]).code, Some(1));
 }
 
-/// A module with an include guard runs, and so does its test.
+/// Karat calls a function of a module that has an include guard, and runs the module's tests.
 // Lesson 189
 #[test]
 fn a_guarded_module_is_tested() {

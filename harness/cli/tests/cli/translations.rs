@@ -295,8 +295,8 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     assert_eq!(karat(folder.path(), &arguments).code, Some(1));
 }
 
-/// An entry point doesn't need the abilities that only other entry points of its module use. Results that depend on the
-/// size of a subgroup count as open, because drivers have different sizes.
+/// An entry point doesn't need the abilities that only other entry points of its module use. Karat doesn't judge
+/// results that depend on the size of a subgroup, because drivers have different sizes.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
@@ -1017,7 +1017,8 @@ mod planted {
         assert!(known || ran.code == Some(1), "it isn't judged, and that is no green: {ran:?}");
     }
 
-    /// If karat.toml declares that a row's results differ, this hides no earlier failure, such as invalid HLSL.
+    /// If karat.toml declares that a row's results differ, Karat still reports a failure in an earlier step, such as
+    /// invalid HLSL.
     // Lesson 85
     #[test]
     fn a_declared_difference_hides_no_earlier_failure() {

@@ -38,7 +38,7 @@ fn written(line: &str) -> Option<&str> {
     line.strip_suffix("`:")?.rsplit_once('`').map(|(_, file)| file)
 }
 
-/// The file in which a line tells the reader to replace the block below by the next block.
+/// The file that a line tells the reader to edit. Such a line ends with the file's name in backticks and `, replace`.
 fn changed(line: &str) -> Option<&str> {
     line.strip_suffix("`, replace")?.rsplit_once("In `").map(|(_, file)| file)
 }

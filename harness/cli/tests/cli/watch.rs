@@ -253,7 +253,7 @@ fn watch_reruns_after_an_edit_of_the_preprocessor_or_its_files() {
     watch.until("cpu: 1 test passes; no code changed");
 }
 
-/// Karat watches all files that tests read, for any extension, and packages outside of the folder.
+/// Karat watches every file that a test reads, whatever its extension, and packages outside of the folder.
 // Lesson 192
 #[test]
 fn an_edit_of_any_file_that_is_read_counts() {

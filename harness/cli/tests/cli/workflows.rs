@@ -265,7 +265,7 @@ fn only_unverified_ci_jobs_may_fail() {
     }
 }
 
-/// Serves files on this machine. Other paths return 404.
+/// Starts an HTTP server for `files` on this machine, and returns its URL. Other paths return 404.
 #[cfg(unix)]
 fn served(files: Vec<(String, Vec<u8>)>) -> String {
     use std::io::{BufRead as _, BufReader, Write as _};

@@ -68,7 +68,7 @@ fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     assert!(message.contains("did you mean `vulkan`?"), "{message}");
 }
 
-/// The editor shows an error at a file that should declare tests and declares none, for any mistake in the file.
+/// If a test file has a wrong name, isn't valid TOML, or has an unknown key, the editor shows an error in this file.
 // Lesson 185
 #[test]
 fn a_misnamed_or_broken_test_file_is_a_diagnostic() {

@@ -50,7 +50,7 @@ fn karat(folder: &Path) -> Command {
     command
 }
 
-/// The output of a `karat test` that passes or fails.
+/// Runs `karat test`, and returns its output.
 fn tested(folder: &Path, arguments: &[&str]) -> String {
     let ran = karat(folder).arg("test").args(arguments).output().expect("it runs");
     String::from_utf8(ran.stdout).expect("text")

@@ -109,8 +109,8 @@ fn the_address_names_the_frame() {
     browser.wait(&tab, "document.getElementById('name').textContent === 'a'");
 }
 
-/// The page writes the address a moment after a key press. If a person changes the address in that moment, the person's
-/// address stays.
+/// The page updates its URL a moment after a key press. If a person edits the URL in that moment, the page keeps the
+/// person's URL.
 #[test]
 fn a_typed_address_is_never_written_over() {
     let project = with(&["a", "rooms/dark", "z"]);

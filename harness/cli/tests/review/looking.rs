@@ -7,7 +7,7 @@ use crate::browser::{Browser, Tab};
 use crate::project::{Project, provenance, tiny};
 use crate::shots::shoot;
 
-/// The sRGB colour (IEC 61966-2-1) that the page should show: exposed by `stops`, and clipped.
+/// The sRGB colour (IEC 61966-2-1) that the page should show for a pixel, with an exposure of `stops`.
 fn srgb([r, g, b, _]: [f32; 4], stops: f32) -> [u8; 3] {
     [r, g, b].map(|value| {
         let x = (f64::from(value) * f64::from(stops).exp2()).clamp(0.0, 1.0);
@@ -498,7 +498,7 @@ pub(crate) fn left_values(project: &Project, case: &str, gain: &str) {
     }
 }
 
-/// Accepts the values that [`left_values`] has written as the golden.
+/// Accepts the pending values from [`left_values`]: they become the golden.
 pub(crate) fn accept_values(project: &Project, case: &str) {
     let goldens = karat::Goldens::open(&project.folder().join("golden"));
     let because = "the first".to_owned();

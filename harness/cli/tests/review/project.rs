@@ -37,7 +37,7 @@ pub(crate) fn provenance() -> Value {
     serde_json::from_str(&metadata.expect("provenance")).expect("JSON")
 }
 
-/// An image of four by four pixels. All its values differ: 0.01 to 0.64, with alpha 1.
+/// An image of four by four pixels. Alpha is 1, and all values of the colour channels are different.
 pub(crate) fn tiny() -> Image {
     let value = |index: u8| f32::from(index + 1) * 0.01;
     let pixel = |i: u8| [value(4 * i), value(4 * i + 1), value(4 * i + 2), 1.0];
@@ -260,7 +260,7 @@ impl Server {
         format!("/{}/", self.url.split('/').nth(3).expect("a token"))
     }
 
-    /// Sends a request without a browser's checks.
+    /// Sends a request with any headers, and returns the reply. A browser would refuse to send some of these headers.
     pub(crate) fn raw(&self, head: &str, body: &str) -> Answer {
         let length = body.len();
         let request =

@@ -56,7 +56,8 @@ fn function_record() -> Value {
     })
 }
 
-/// A repository with an edited shader of the scene, and a run in which a function also failed.
+/// Makes a repository in which the scene's shader was edited, and the record of a run in which the frame and a function
+/// failed.
 pub(crate) fn with_origins(project: &Project) {
     let text = "// The sun.\nconst SUN = 1.0;\n\nfn sun(cosine: f32) -> f32 {\n    return SUN * max(cosine, 0.0);\n}\n";
     project.put("shaders/light.wgsl", text);
@@ -170,8 +171,8 @@ fn changes_since_the_golden_are_shown() {
     assert!(browser.text(&tab, "#modules").contains("the golden isn't committed"));
 }
 
-/// Golden and frame store the hashes of the modules that drew them. Karat compares these hashes, so the golden needn't
-/// be committed, and commits of other files have no effect.
+/// A golden and a pending frame store the hashes of the modules that drew them. Karat compares these hashes, so the
+/// golden needn't be committed, and commits of other files have no effect.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn modules_that_changed_are_known_by_their_hashes() {
@@ -476,7 +477,7 @@ fn goldens_are_looked_at_without_anything_pending() {
     browser.wait(&tab, "document.querySelectorAll('#sheet canvas.thumb').length === 2");
 }
 
-/// People mail and store reports. A frame of 480 by 270 takes less than 1 MB, even if all its pixels are noise.
+/// In a report, a frame of 480 by 270 takes less than 1 MB, even if all its pixels are noise.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn a_frame_takes_less_than_a_megabyte() {

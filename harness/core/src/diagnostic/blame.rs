@@ -69,8 +69,8 @@ impl<'f> Blame<'f> {
         Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
     }
 
-    /// Makes a cause more precise: if the cause was the whole test, the cause is then the first setting of the list
-    /// that the test sets.
+    /// If the cause is the whole test, replaces it by the first setting of the list that the test sets. Keeps any
+    /// other cause.
     #[must_use]
     pub fn or(self, setting: &'static [&'static str]) -> Self {
         match self.at {

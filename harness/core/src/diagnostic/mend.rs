@@ -15,8 +15,8 @@ pub enum Mend {
     Elsewhere(String),
     /// A name in capitals that no module declares. This name may be a macro, which needs a value in `[values]`.
     Undeclared(String),
-    /// The name of a placeholder on a line of its own, or of a macro before brackets. The name needs a value in
-    /// `[values]`, which may be an empty text.
+    /// The name of a placeholder that stands alone on its line, or of an undeclared macro that is called: `NAME(...)`.
+    /// The name needs a value in `[values]`, which may be an empty text.
     Text(String),
     /// A package from which modules import, and which `[dependencies]` must name.
     Dependency(String),

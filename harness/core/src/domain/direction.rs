@@ -80,7 +80,7 @@ impl Domain for UnitVector {
         Some((value.as_dvec3().length() - 1.0).abs() < LENGTH)
     }
 
-    /// Rounding may make a vector slightly longer than 1.
+    /// Bounds slightly outside of -1 and 1, because rounding can make a vector slightly longer than 1.
     fn ends(&self) -> Option<(Vec3, Vec3)> {
         let most = Vec3::splat(1.0 + LENGTH as f32);
         Some((-most, most))

@@ -34,7 +34,7 @@ impl Emptiness {
         Self { part: None, what, fault: fault.to_owned() }
     }
 
-    /// Says that the empty domain is part `part` of a tuple.
+    /// Sets the index of the tuple's part that is empty.
     pub(super) fn in_part(self, part: usize) -> Self {
         Self { part: Some(part), ..self }
     }

@@ -5,14 +5,14 @@ use std::ops::Range;
 use super::{direction, shrink};
 
 /// If the perpendicular part of a unit vector is shorter than this length, rounding has made the part's direction
-/// inaccurate. Then an axis replaces the vector before Karat makes it perpendicular.
+/// inaccurate. Then Karat starts from an axis instead of this vector.
 const SHORT: f64 = 1e-3;
 
 /// If the directions of two vectors differ by at most this value, the vectors count as parallel, because `f32` rounding
 /// causes such differences.
 const PARALLEL: f64 = 1e-6;
 
-/// Makes a unit vector perpendicular to other vectors of its row.
+/// A relation that makes a unit vector perpendicular to other vectors of its row.
 #[derive(Debug)]
 pub(super) struct Perpendicular {
     pub(super) lanes: Range<usize>,

@@ -5,12 +5,12 @@ use std::sync::LazyLock;
 use super::{Domain, Edges, Emptiness, Integers, Source, shrink};
 use crate::value::Scalar;
 
-/// Samples numbers. Half of them are small, like most numbers in shaders, and the others have any size.
+/// A domain of unconstrained numbers. Half of the samples are small, like most numbers in shaders.
 #[derive(Clone, Debug)]
 pub(super) struct Plausible<T>(Vec<T>);
 
-/// The largest unconstrained float. Positions in metres and times in milliseconds are below a million. Squares of
-/// larger numbers lose their digits in sums, and this loss isn't a fault of the shader.
+/// The largest unconstrained float: positions in metres and times in milliseconds are rarely larger. Squares of larger
+/// numbers lose their digits in sums, and this loss isn't a fault of the shader.
 const LARGEST: f32 = 1_048_576.0;
 
 /// The largest unconstrained `f16`. Half precision can represent all integers up to this number.

@@ -237,7 +237,7 @@ fn sorted(mut found: Vec<Vec3>, value: Vec3, admits: impl Fn(Vec3) -> bool) -> V
 }
 
 /// Simpler unit vectors: axes, vectors like (0.6, 0.8), diagonals, and vectors near `value` that lie in a coordinate
-/// plane or have a short decimal component.
+/// plane or have a component with few decimal digits.
 pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
     let mut found = vec![Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
     let signs = [1.0, -1.0];

@@ -209,7 +209,7 @@ macro_rules! of_vectors {
                 Some(self.holds(&value.to_array()))
             }
 
-            /// Rounding may make a vector slightly longer than the radius.
+            /// Bounds slightly outside of the sphere, because rounding can make a vector longer than the radius.
             fn ends(&self) -> Option<($vector, $vector)> {
                 #[expect(clippy::cast_possible_truncation, reason = "far from its ends")]
                 let most = $vector::splat(self.radius * (1.0 + direction::LENGTH as f32));

@@ -132,8 +132,8 @@ pub struct Numbering {
 }
 
 impl Numbering {
-    /// If a finite domain has at most `enumerated` values, each value is a case. For any other domain, there are
-    /// `limit` cases: up to half of the cases are edges, and the others are samples.
+    /// Numbers the cases of a check. If a finite domain has at most `enumerated` values, each value is a case. For any
+    /// other domain, there are `limit` cases: up to half of the cases are edges, and the others are samples.
     #[doc(hidden)]
     pub fn of(stream: &dyn Stream, seed: u64, limit: u64, enumerated: u64) -> Self {
         match stream.size() {

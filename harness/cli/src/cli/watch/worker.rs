@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::super::child::LastWords;
 use super::{DEADLINE, Source};
 
-/// The time that a worker has to end after its input was closed. After this time, Karat kills the worker.
+/// The time that Karat waits for a worker to end after closing the worker's input. Then Karat kills the worker.
 const FAREWELL: Duration = Duration::from_millis(300);
 
 /// A request to a worker. Each request is sent as one line of JSON.
