@@ -17,7 +17,7 @@ impl Compute<'_> {
     /// The named values of the last pass, as one line of text for each value.
     ///
     /// # Errors
-    /// If the passes aren't valid.
+    /// Returns an error if the passes aren't valid.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn values(&self) -> Result<Vec<String>, TapError> {
@@ -30,7 +30,7 @@ impl Compute<'_> {
     /// The source position of each `print` in the last pass. [`Tap::new`] accepts each position.
     ///
     /// # Errors
-    /// If the passes aren't valid.
+    /// Returns an error if the passes aren't valid.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn prints(&self) -> Result<Vec<String>, TapError> {
@@ -59,7 +59,7 @@ impl Compute<'_> {
     /// ```
     ///
     /// # Errors
-    /// If the pass has no such value, or the path can't run the passes.
+    /// Returns an error if the pass has no such value, or the path can't run the passes.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {

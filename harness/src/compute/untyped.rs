@@ -84,7 +84,7 @@ impl Content {
 /// ```
 ///
 /// # Errors
-/// If the passes aren't valid, or no pass uses a buffer of that name.
+/// Returns an error if the passes aren't valid, or no pass uses a buffer of that name.
 pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeError> {
     let (name, shape, lanes) = compute.passes()?.content(variable)?;
     Ok(Content { name, shape, lanes })
@@ -104,7 +104,7 @@ pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeE
 /// ```
 ///
 /// # Errors
-/// If the path can't run the passes.
+/// Returns an error if the path can't run the passes.
 pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeError> {
     let passes = compute.passes()?;
     let afterwards = executor::dispatch(executor::of(path)?, &passes)?;
@@ -132,7 +132,7 @@ pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeEr
 /// ```
 ///
 /// # Errors
-/// If the passes aren't valid.
+/// Returns an error if the passes aren't valid.
 pub fn violations(
     compute: &Compute<'_>,
 ) -> Result<(Vec<(Violation, String)>, Watched), ComputeError> {
@@ -147,7 +147,7 @@ pub fn violations(
 /// The tables that the shaders of the passes print.
 ///
 /// # Errors
-/// If the passes aren't valid, if the engine can't run them, or if an assertion in a shader is false.
+/// Returns an error if the passes aren't valid, if the engine can't run them, or if an assertion in a shader is false.
 pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
     Ok(printed_by(&compute.passes()?, KEPT)?)
 }
@@ -168,7 +168,7 @@ pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
 /// ```
 ///
 /// # Errors
-/// If the passes aren't valid, if the engine can't run them, or if the invocation doesn't exist.
+/// Returns an error if the passes aren't valid, if the engine can't run them, or if the invocation doesn't exist.
 pub fn trace(
     compute: &Compute<'_>,
     invocation: [u32; 3],
@@ -189,7 +189,7 @@ pub fn trace(
 /// ```
 ///
 /// # Errors
-/// If Karat's engine can't run the passes.
+/// Returns an error if Karat's engine can't run the passes.
 pub fn hazards(
     compute: &Compute<'_>,
 ) -> Result<Vec<(crate::interpret::hazards::Kind, String, String)>, ComputeError> {
@@ -228,7 +228,7 @@ fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
 /// ```
 ///
 /// # Errors
-/// If a number differs, or Karat can't compare the numbers.
+/// Returns an error if a number differs, or Karat can't compare the numbers.
 #[track_caller]
 pub fn agrees_with(
     after: &After<'_>,
@@ -254,7 +254,7 @@ pub fn agrees_with(
 /// ```
 ///
 /// # Errors
-/// If `broken` is `Some`, or the passes can't be dispatched.
+/// Returns an error if `broken` is `Some`, or the passes can't be dispatched.
 #[track_caller]
 pub fn settled(
     after: &After<'_>,
@@ -285,7 +285,7 @@ pub fn settled(
 /// ```
 ///
 /// # Errors
-/// If the statement doesn't hold, or Karat can't read the scalars.
+/// Returns an error if the statement doesn't hold, or Karat can't read the scalars.
 #[track_caller]
 pub fn satisfies(
     after: &After<'_>,
@@ -313,7 +313,7 @@ pub fn satisfies(
 /// ```
 ///
 /// # Errors
-/// If a number breaks the statement, or Karat can't read the numbers.
+/// Returns an error if a number breaks the statement, or Karat can't read the numbers.
 #[track_caller]
 pub fn each(
     after: &After<'_>,
