@@ -214,7 +214,7 @@ pub enum ComputeError {
     /// Several paths fail in different ways, or some paths have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// Passes do something that WGSL doesn't order or define, such as a race between invocations.
+    /// The sanitizer finds violations in the passes, such as a race.
     #[error("{0}")]
     Violations(Box<Violations>),
     /// An accepted race doesn't occur, has no reason, or names an unknown variable.
@@ -588,7 +588,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// Panics if an element differs, or the check can't compare any element.
+    /// Panics if an element differs, or if the check can't compare the elements.
     #[track_caller]
     pub fn agrees_with<T: Mirror>(
         self,
@@ -601,7 +601,7 @@ impl After<'_> {
     /// Runs [`agrees_with`](Self::agrees_with), but returns the error instead of panicking.
     ///
     /// # Errors
-    /// Returns an error if an element differs, or the check can't compare any element.
+    /// Returns an error if an element differs, or if the check can't compare the elements.
     #[track_caller]
     pub fn try_agrees_with<T: Mirror>(
         self,
@@ -628,7 +628,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// Panics if the statement doesn't hold, or the check can't read any element.
+    /// Panics if the statement doesn't hold, or if the check can't read the elements.
     #[track_caller]
     pub fn satisfies<T: Shareable>(
         self,
@@ -641,7 +641,7 @@ impl After<'_> {
     /// Runs [`satisfies`](Self::satisfies), but returns the error instead of panicking.
     ///
     /// # Errors
-    /// Returns an error if the statement doesn't hold, or the check can't read any element.
+    /// Returns an error if the statement doesn't hold, or if the check can't read the elements.
     #[track_caller]
     pub fn try_satisfies<T: Shareable>(
         self,

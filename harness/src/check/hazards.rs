@@ -1,4 +1,4 @@
-//! The verbs `has_no_hazards` and `has_none_of`: check the operations inside of a function for hazards.
+//! The verbs `has_no_hazards` and `has_none_of`, which check the operations inside of a function for hazards.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -25,7 +25,7 @@ impl<V> Check<'_, Calls<V>> {
     ///   the quad runs other code.
     ///
     /// Karat's engine watches each operation. The selected paths must return results, but the check ignores the
-    /// results' values. The crate `karat-inspect` finds hazards without a domain.
+    /// results' values. To find hazards without writing a test, use the crate `karat-inspect`.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -66,8 +66,8 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// Panics with the [`Failure`] if an operation has such a hazard, if no operation can have a hazard of one of the
-    /// kinds, or if the engine can't execute the function.
+    /// Panics with the [`Failure`] if an operation has such a hazard, if `kinds` is empty or contains a kind that no
+    /// operation inside of a function can have (such as `Race`), or if the engine can't execute the function.
     #[track_caller]
     pub fn has_none_of(self, kinds: impl IntoIterator<Item = Kind>) -> Agreement {
         or_panic(self.try_has_none_of(kinds))

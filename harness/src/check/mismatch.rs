@@ -12,7 +12,7 @@ use crate::value::{Differing, Scalar, Shape};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Mismatch {
-    /// The function takes arguments of other types than the check supplies.
+    /// The check supplies arguments whose types differ from those of the function's parameters.
     #[error("takes {}, but {who} {}{}", list(declared), list(supplied), hint(declared, supplied))]
     Arguments {
         /// The types of the function's parameters.
@@ -22,7 +22,7 @@ pub enum Mismatch {
         /// The words in the message that say who supplies the arguments: `the domain supplies`.
         who: &'static str,
     },
-    /// The function's result has another type than the expected value.
+    /// The function's result and the expected value have different types.
     #[error("returns {declared}, but {who} {supplied}{}", member(supplied.differing(declared, true)))]
     Result {
         /// The type of the function's result.
@@ -46,7 +46,7 @@ pub enum Mismatch {
          `Spec`, which checks that WGSL allows the driver's results"
     )]
     Itself,
-    /// The check's range contains no number, so no result passes, or every number, so every result passes.
+    /// The check's range is empty, or contains every number, so the verdict wouldn't depend on the results.
     #[error("is checked for a result that {0}: no result passes this check, or every result does")]
     Range(String),
     /// The check looks for no kind of hazard, or for a kind that no operation can have.
@@ -66,7 +66,7 @@ pub enum Mismatch {
         /// The unusable bound.
         bound: f64,
     },
-    /// The tolerance has bounds for another number of components than the result has.
+    /// The number of the tolerance's bounds differs from the number of the result's components.
     #[error("returns {}, but the tolerance has bounds for {declared}", counted(*lanes, "component"))]
     Lanes {
         /// The number of components of the result.
@@ -125,7 +125,7 @@ pub enum Mismatch {
         /// The type of the function's result.
         result: Shape,
     },
-    /// The parameter of a limit isn't a float.
+    /// The verb `at_limit` varies a parameter that isn't an `f32`.
     #[error("has the parameter `{0}`, which isn't an f32: only an f32 can approach a limit")]
     NoFloat(String),
     /// The steps of a limit don't approach its target.
@@ -145,7 +145,7 @@ pub enum Mismatch {
     /// The verb needs samples that are directions, but the support contains other points.
     #[error("can't be estimated on {0}: in this check, samples must be directions")]
     NoDirections(Support),
-    /// The points at which the check evaluates the density have another type than the points of the support.
+    /// The density takes points of one type, but the support has points of another type.
     #[error("is given points of type {given}, but the points of {support} have type {point}")]
     Point {
         /// The type of the density's points.

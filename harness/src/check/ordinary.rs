@@ -195,8 +195,8 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
-    /// Calls `then` with the value in `begun`, which the check needs before its first case, such as a reference
-    /// function. If `begun` is an error, the check fails with this error, and Karat writes a record.
+    /// Calls `then` with the value in `begun`. If `begun` is an error, the check fails with this error, and Karat
+    /// writes a record.
     pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,

@@ -9,7 +9,7 @@ use super::session::Session;
 use crate::executor::Results;
 use crate::judge::{Judged, Shown, tally};
 
-/// The note that a report prints beside the returned value of verbs that call the function a second time with changed
+/// The note beside the function's result in reports of verbs that call the function a second time, with changed
 /// arguments. The report marks the changed arguments with a prime.
 pub(super) const PRIMED: &str = "returned for the arguments with a prime ('); expected: the result for the arguments without a prime";
 

@@ -2,9 +2,10 @@
 //!
 //! The quadrature rule is a product: Gauss-Legendre in the cosine of the polar angle, and equal steps in the
 //! azimuth. The rule is accurate for smooth functions, but misses lobes that are narrower than its rings. So
-//! Karat computes each integral with two rules that have different numbers of rings. If the two integrals
-//! differ by more than the tolerance and one of them may pass, there is no verdict. If a lobe lies between the
-//! rings of both rules, both rules miss the lobe. For narrow lobes, use a rule with nodes in the lobe.
+//! Karat computes each integral with two rules that have different numbers of rings. If both integrals are
+//! clearly wrong, the check fails. Otherwise, if the two integrals differ by more than the tolerance, there is no
+//! verdict. If a lobe lies between the rings of both rules, both rules miss the lobe. For narrow lobes, use a rule
+//! with nodes in the lobe.
 
 use std::f64::consts::TAU;
 

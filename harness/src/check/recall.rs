@@ -26,15 +26,15 @@ impl Session<'_> {
         rows
     }
 
-    /// Checks if the domain still contains the stored value. If `admits` doesn't know, samples and simplifies the value
-    /// again, and checks that this gives the stored value.
+    /// Checks if the domain still contains the stored value. If `admits` returns `None`, repeats the sampling and
+    /// simplification that gave the value, and checks that the result is the same.
     fn still_drawn(&self, entry: &Entry) -> bool {
         let again = || Some(self.descend(&entry.descent)?.row == entry.words);
         self.stream.admits(&entry.words).unwrap_or_else(|| again() == Some(true))
     }
 
     /// The cases of integrals that failed earlier. Repeats the sampling and simplification of each stored case. Leaves
-    /// out a case if this now gives another value than the stored one.
+    /// out a case if its value is no longer the stored value.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();

@@ -36,7 +36,7 @@ use calls::given;
 /// samples.
 const CONFIGURATIONS: u64 = 16;
 
-/// If a finite domain has at most this many values, each value is a configuration by default.
+/// The size up to which, by default, every value of a finite domain is a configuration.
 const ENUMERATED: u64 = 4096;
 
 /// The default number of samples per configuration. With this number, each of 512 cells gets 512 samples on average. If
@@ -48,7 +48,7 @@ const SAMPLES: u64 = 1 << 18;
 const SIGNIFICANCE: f64 = 0.01;
 
 /// The default limit for the difference between a density's integral and 1. Karat adds the quadrature's error to this
-/// limit. An error of a few hundred ulp in the density at each node can add up to this difference.
+/// limit. If the density has an error of a few hundred ulp at each node, the integral can differ from 1 by 2e-4.
 const MASS: f64 = 2e-4;
 
 impl<'a> Probe<'a> {
@@ -128,7 +128,7 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Sets the support: the set of points that samples may have. The default is the directions of the upper
+    /// Sets the support: the set of points that the sampler can return. The default is the directions of the upper
     /// hemisphere.
     ///
     /// ```
@@ -276,7 +276,7 @@ struct Sampled<'s, 'a> {
     shapes: &'s [Shape],
     /// The type of the random numbers for one sample.
     random: &'s Shape,
-    /// A function that appends the sampler's arguments, for a configuration and random numbers, to a vector.
+    /// A function that takes a configuration and random numbers, and appends the sampler's arguments to a vector.
     arguments: Made<'s>,
 }
 

@@ -32,8 +32,8 @@ const SMALLEST: usize = 256;
 /// cores wait. So one dispatch has room for twice the default number of cases.
 const LARGEST: usize = 2 * BATCH;
 
-/// The capacity of each of a check's dispatches, in calls. With this capacity, the check needs as few dispatches as
-/// possible, all of about the same size.
+/// The capacity of a dispatch, in calls, for a check with `cases` cases. With this capacity, the check needs as few
+/// dispatches as possible, all of about the same size.
 fn room_for(cases: usize) -> usize {
     cases.div_ceil(cases.div_ceil(LARGEST).max(1)).max(SMALLEST)
 }
@@ -61,7 +61,7 @@ pub(super) enum Explained {
 }
 
 impl Asserted {
-    /// Asserts that the actual value equals the expected value.
+    /// Makes an assertion that the actual value equals the expected value.
     pub(super) fn new(check: &'static str, text: String) -> Self {
         let (expectation, explained) = (Expectation::Equal, Explained::Nothing);
         Self { check, text, expectation, remembers: true, explained }
@@ -341,7 +341,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Judges the remembered inputs. Karat numbers these inputs after the check's cases.
+    /// Judges the remembered inputs. Their case numbers follow those of the check's own cases.
     fn run_again(
         &self,
         remembered: &[Vec<u32>],

@@ -1,8 +1,7 @@
 //! Simplifies a failing case on its path, to the simplest case that still fails.
 //!
 //! Each round judges simpler values of the current case (see `Domain::shrink`) with the verb, and continues with the
-//! first failing value. If no case fails, Karat simplifies nothing. The same failing case always gives the same
-//! simplest case, unless the time runs out.
+//! first failing value. The same failing case always gives the same simplest case, unless the time runs out.
 
 use std::time::{Duration, Instant};
 

@@ -44,8 +44,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// A result with a NaN or infinite component fails every statement. WGSL lets drivers flush subnormal
-    /// arguments to 0. If a statement doesn't hold and some arguments are subnormal, the case still passes if
-    /// the statement holds with 0 instead of these arguments.
+    /// arguments to 0. So a case with subnormal arguments also passes if the statement holds with 0 in their place.
     ///
     /// # Panics
     /// Panics with the [`Failure`] if a case doesn't satisfy the statement or nothing could be checked.

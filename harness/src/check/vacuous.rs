@@ -58,7 +58,7 @@ pub enum Vacuous {
         /// The number of compared cases.
         compared: u64,
     },
-    /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the tolerance after `or` judged
+    /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the fallback tolerance (`.or(...)`) judged
     /// every case.
     #[error(
         "has no case in which WGSL's bounds are narrow enough for the test: use `x` \

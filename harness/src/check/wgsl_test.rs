@@ -46,9 +46,9 @@ pub struct WgslTest {
 struct Made {
     parameters: Vec<(String, Shape)>,
     calls: BTreeSet<String>,
-    /// The module that calls the test, and returns the number of expectations that may have failed.
+    /// The module that calls the test, and returns the number of expectations that fail in the shader's arithmetic.
     counting: Package,
-    /// The module that also returns the values of the expectations that may have failed.
+    /// The module that also returns the values of these expectations, so that Karat can judge them on the host.
     telling: Package,
 }
 
@@ -141,8 +141,8 @@ impl WgslTest {
         Ok(parameters.iter().map(|(_, shape)| type_text(&program, shape, structs)).collect())
     }
 
-    /// Generates two modules that call the test. The first module returns the number of expectations that may
-    /// have failed. The second module also returns the values of these expectations.
+    /// Generates two modules that call the test. The first module returns the number of expectations that fail in the
+    /// shader's arithmetic. The second module also returns the values of these expectations.
     fn generated(
         &self,
         typed: &[(&str, String)],
@@ -214,7 +214,7 @@ pub struct TestGroup {
     function: String,
     shapes: Vec<Shape>,
     words: usize,
-    /// For each test's name, the test's number in the kernel, and the index of the first word of the test's
+    /// A map from a test's name to the test's number in the kernel, and to the index of the first word of the test's
     /// arguments.
     members: BTreeMap<String, (u32, usize)>,
 }

@@ -193,7 +193,8 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// Keeps the first failing element. If another element has the largest error, keeps that element, too.
+    /// Makes the sum from a tally. Its `shown` contains the first failing element, and the element with the largest
+    /// error.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;

@@ -46,9 +46,9 @@ pub struct OrderDependence {
     pub assertion: String,
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The position `file:line:column` of the late store that `turns` describes. If there is no late store, the
-    /// position of the first operation that returns another value than in the usual order. If there is no such
-    /// operation either, the position of the entry point of the last pass that runs in another order.
+    /// The position of the fault, as `file:line:column`: the store that takes effect late (see `turns`), or else the
+    /// first operation that returns a different value than in the usual order, or else the entry point of the last pass
+    /// that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
@@ -56,8 +56,8 @@ pub struct OrderDependence {
     /// is `None` if only the order of writes differs.
     pub operation: Option<String>,
     /// Notes for the message. If there are at most 16 atomic operations, one note lists them as they run in the failing
-    /// order. Another note is about the first late store: an invocation stores a value before its atomic operation, but
-    /// other invocations see the atomic operation first.
+    /// order. If a store takes effect late, another note describes it: an invocation stores a value before its atomic
+    /// operation, but other invocations see the atomic operation first.
     pub turns: Vec<String>,
     /// The subgroup size in the failing order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,
@@ -229,8 +229,7 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Builds the error for an order that fails. First replaces the order by simpler orders, as long as these also
-    /// fail.
+    /// Builds the error for an order that fails. First simplifies the order as long as the simpler order also fails.
     fn dependence(
         &self,
         passes: &Passes,
@@ -295,8 +294,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// If the test's assertion fails in the usual order, an assertion for the other orders: their results must agree
-    /// with the result in the usual order.
+    /// An assertion for the other orders if the test's assertion fails in the usual order: each result must agree with
+    /// the result in the usual order.
     own: Option<Assertion<'a>>,
 }
 

@@ -40,7 +40,7 @@ impl Assertion {
         }
     }
 
-    /// The name of the caller's number in an error about this number: `integral` or `bound`.
+    /// The noun that error messages use if the expected number isn't finite: `integral` or `bound`.
     pub(super) fn what(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "integral",
@@ -48,7 +48,7 @@ impl Assertion {
         }
     }
 
-    /// The name of the caller's number in a message about a doubtful integral: `expected` or `the bound`.
+    /// The phrase that follows the expected number in a message about a doubtful integral: `expected` or `the bound`.
     pub(super) fn stated(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "expected",
@@ -189,8 +189,7 @@ mod tests {
         }
     }
 
-    /// If both rules give integrals that are clearly wrong, the check fails. If one of the two rules may be right and
-    /// its integral passes, there is no verdict.
+    /// If both rules give integrals that are clearly wrong, the check fails.
     // Lesson 67
     #[test]
     fn a_bound_fails_if_both_rules_refuse_it() {

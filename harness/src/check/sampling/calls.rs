@@ -74,8 +74,8 @@ impl Calls<'_> {
         Err(Mismatch::Random(random.clone()).of(self.called.function()))
     }
 
-    /// Calls the function at points, which are `u32` words, one point after the other. Returns the words of the
-    /// arguments and of the results.
+    /// Calls the function at each point. `points` contains the words of all points, `width` words for each point.
+    /// Returns the words of the arguments and of the results.
     pub(super) fn at(
         &self,
         points: &[u32],

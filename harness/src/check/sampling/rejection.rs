@@ -182,7 +182,7 @@ pub enum Finding {
         /// The first wrong weight, and the expected weight, as text.
         call: String,
     },
-    /// The integral of a density isn't 1, or is more than 1 if samples may leave the support.
+    /// The integral of a density is wrong: it must be 1, or at most 1 if samples may leave the support.
     Mass {
         /// The integral.
         integral: f64,
@@ -195,7 +195,7 @@ pub enum Finding {
         left: u64,
         /// The expected number of samples outside the support.
         expected: f64,
-        /// The probability that a correct sampler gives such a number.
+        /// The p-value: the probability that a correct sampler deviates at least this far from the expected number.
         p: f64,
     },
     /// Samples don't follow the density.
@@ -204,7 +204,7 @@ pub enum Finding {
         statistic: f64,
         /// The number of degrees of freedom.
         dof: usize,
-        /// The probability that a correct sampler gives such a sum.
+        /// The p-value: the probability that a correct sampler gives at least this chi-square.
         p: f64,
     },
     /// A mean differs from the expected mean.
@@ -217,23 +217,24 @@ pub enum Finding {
         error: f64,
         /// The expected mean.
         expected: f64,
-        /// The probability that a correct sampler gives such a difference.
+        /// The p-value: the probability that a correct sampler's mean differs at least this much from the expected
+        /// mean.
         p: f64,
     },
     /// A distribution differs from the expected distribution function.
     Distribution {
-        /// The name of the quantity.
+        /// The name of the number that the verb computes from each sample.
         of: String,
-        /// The largest distance between the two distribution functions.
+        /// The Kolmogorov distance between the samples' distribution and the expected distribution function.
         distance: f64,
-        /// The number at which the distance is largest.
+        /// The number at which the two distribution functions differ most.
         at: f64,
-        /// The probability that a correct sampler gives such a distance.
+        /// The p-value: the probability that a correct sampler gives at least this Kolmogorov distance.
         p: f64,
     },
 }
 
-/// Returns the count, followed by `one` for a count of 1, or by `several`.
+/// Returns the count followed by `one` if the count is 1, and otherwise by `several`.
 fn told(count: u64, one: &str, several: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { several })
 }

@@ -54,8 +54,8 @@ impl Run<'_> {
         self.functions.other(which)
     }
 
-    /// Evaluates one of the check's other functions at points. Also returns the words of that function's
-    /// arguments.
+    /// Evaluates the function with index `which`, such as the density, at points. Returns the words of the
+    /// function's arguments and results.
     pub(super) fn at(&self, which: usize, points: &[u32]) -> Result<(Vec<u32>, Vec<u32>), Failure> {
         let (value, made) = (self.configuration.value, self.others[which].made);
         let width = self.settings().support.components();
