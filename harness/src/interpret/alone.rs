@@ -1,4 +1,4 @@
-//! Runs functions that write to variables outside of the function. Each case is one dispatch of a kernel: a generated
+//! Runs a function that writes to module variables, such as storage buffers. Each case is one dispatch of a kernel: a generated
 //! compute entry point that calls the function.
 
 use std::sync::Arc;
@@ -22,7 +22,7 @@ pub struct Alone {
     program: Arc<Program>,
     name: String,
     written: Vec<Binding>,
-    /// The first of three bindings in group 0: for arguments, results, and the batch.
+    /// The first of three binding numbers in group 0: for the arguments, the results, and the position of the batch.
     first: u32,
     words_in: usize,
     words_out: usize,
