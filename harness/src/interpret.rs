@@ -89,8 +89,8 @@ fn lowering(via: Via) -> Settings {
 /// iterations would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// The largest number of iterations in which some arguments may leave a loop and other arguments stay, when one run with
-/// intervals covers many arguments. `MANY_ROUNDS` limits all iterations of such a run.
+/// The number of iterations after which a run with intervals stops, if the intervals don't decide whether a loop ends.
+/// `MANY_ROUNDS` limits all iterations of such a run.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
@@ -559,9 +559,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if the loop that the engine stopped ran fewer than 1/16 of a call's iterations: `own` of `rounds`. Such a loop
-/// may still end, because other loops ran most of the iterations. An endless loop is still found if each of its
-/// iterations runs at most 15 iterations of inner loops.
+/// Checks if each loop in which the engine stopped a case ran fewer than 1/16 of the case's iterations. Such a loop may
+/// still end, because other loops ran most of the iterations. In an endless loop, `own` is larger if each iteration
+/// runs at most 15 iterations of inner loops.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

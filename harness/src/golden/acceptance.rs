@@ -158,7 +158,7 @@ pub enum AcceptError {
         /// The profile that the acceptance names.
         asked: String,
     },
-    /// The acceptance is for all profiles, but the frame's profile has its own golden.
+    /// The acceptance names no profile, but Karat compared the frame with its profile's own golden.
     #[error(
         "`{case}` was compared with the golden of profile {profile}; accept the frame for this profile with \
          --profile {profile}"

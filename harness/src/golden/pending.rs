@@ -80,8 +80,8 @@ impl Pending {
         is_table(&self.path)
     }
 
-    /// Checks if `karat accept` needs no `--any-adapter` or `--profile` for the pending file. A frame must come from
-    /// lavapipe, and the values of a table from lavapipe or Karat's engine, because both run on any machine.
+    /// Checks if the pending file may become a golden for all profiles without `--any-adapter`. A frame must come from
+    /// lavapipe, and a table from lavapipe or Karat's engine. Lavapipe and the engine run on any machine.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;

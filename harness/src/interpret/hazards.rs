@@ -85,8 +85,8 @@ pub struct Hazards {
     pub reached: BTreeMap<usize, usize>,
 }
 
-/// The number of lanes (cases or pixels) that run together. The engine doesn't divide this number of lanes among threads,
-/// so Karat records their operations in order.
+/// The number of lanes (cases or pixels) that run together. The engine runs these lanes on one thread, so Karat records
+/// their operations in order.
 const TOGETHER: usize = 256;
 
 /// The largest number of operations to record in a run. A loop repeats its operations, so a hazard in its thousandth
@@ -292,8 +292,8 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost. At such a site, the
-/// operation loses digits ([`is_blind`]), and an operand comes from an earlier operation that [`absorbs`] a number.
+/// The lanes and sites where double precision can't show which digits are lost. At such a site, the operation loses
+/// digits ([`is_blind`]), and an operand comes from an earlier operation that [`absorbs`] a number.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();

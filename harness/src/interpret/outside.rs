@@ -39,7 +39,7 @@ const ANY: [Elsewhere; 6] = [
 /// The effect of a pass's reads outside of arrays on its result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// The engine's numbers for the reads that change the result while every other read returns its usual value.
+    /// The reads that change the result while every other read returns its usual value, by their `Outside::number`.
     pub(super) alone: Vec<u32>,
     /// `true` if no single read changes the result, but the result changes if all reads return other values.
     pub(super) together: bool,
