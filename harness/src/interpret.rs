@@ -89,8 +89,8 @@ fn lowering(via: Via) -> Settings {
 /// iterations would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// The number of iterations after which a run with intervals stops, if the intervals don't decide whether a loop ends.
-/// `MANY_ROUNDS` limits all iterations of such a run.
+/// The number of iterations after which a run with intervals gives up, if the intervals don't decide whether a loop
+/// ends. `MANY_ROUNDS` limits all iterations of such a run.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
@@ -559,9 +559,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if each loop in which the engine stopped a case ran fewer than 1/16 of the case's iterations. Such a loop may
-/// still end, because other loops ran most of the iterations. In an endless loop, `own` is larger if each iteration
-/// runs at most 15 iterations of inner loops.
+/// Checks if the engine stopped a call in loops that each ran fewer than 1/16 of the call's iterations. These loops may
+/// still end, because other loops ran most of the iterations. Karat still recognises an endless loop whose iterations
+/// each run at most 15 iterations of inner loops.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

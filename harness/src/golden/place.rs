@@ -10,7 +10,7 @@ use crate::image::remove_leftover;
 use crate::package::LinkedModule;
 
 /// The folder of frames that were rendered under an overlay. An overlay (`KARAT_OVERLAY`) is a folder of files that
-/// replace modules of the package. No golden's name can begin with `@`, so no golden can be mistaken for this folder.
+/// replace modules of the package. No golden's name contains `@`, so no golden can have the name of this folder.
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {

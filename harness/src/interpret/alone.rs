@@ -1,5 +1,5 @@
-//! Runs a function that writes to module variables, such as storage buffers. Each case is one dispatch of a kernel: a
-//! generated compute entry point that calls the function.
+//! Runs a function that writes to module-scope variables, such as storage buffers. Each case is one dispatch of a
+//! kernel: a generated compute entry point that calls the function.
 
 use std::sync::Arc;
 

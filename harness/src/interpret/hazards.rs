@@ -19,8 +19,8 @@ use crate::diagnostic::Span;
 pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
 
-/// Describes the first operation that has finite operands and returns NaN or infinity. Returns a name such as `first
-/// NaN`, and the text and position of the operation.
+/// Describes the first operation that has finite operands and returns NaN or infinity. Returns a name (`first NaN` or
+/// `infinite`), and the text and position of the operation.
 pub(crate) fn first_not_finite<'f>(
     found: impl Iterator<Item = &'f Found>,
 ) -> Option<(&'static str, String)> {

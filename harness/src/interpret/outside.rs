@@ -13,8 +13,8 @@ use crate::dispatch::DispatchError;
 /// The largest number of times that Karat runs the passes to judge the reads of one pass.
 const MOST_RUNS: usize = 64;
 
-/// Values that a read may return, the most useful first. Karat tries several, because perhaps only one element of the
-/// array changes the result. If there are few reads, Karat tries more of these values.
+/// Values that a read outside of an array may return, the most useful first. Karat tries several, because perhaps only
+/// one of them changes the result. If there are few reads, Karat tries more of these values.
 const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Number(0),
     Elsewhere::Nth(0),

@@ -22,7 +22,7 @@ impl Observer<F32> for Evaluations {
 }
 
 /// Estimates the number of operations in a call. Calls run together, and an operation counts if any of the calls
-/// reaches it. The calls of a function that writes to module variables run one by one, and the result is the mean
+/// reaches it. The calls of a function that writes to module-scope variables run one by one, and the result is the mean
 /// number of operations of their calls. In a quad, each pixel is counted separately. Returns `None` if the loops take
 /// too many iterations.
 pub fn evaluations(
