@@ -69,7 +69,7 @@ pub struct Interpreted {
     quads: Option<Quads>,
     results: Vec<Scalar>,
     function: Box<Function>,
-    /// The program, which maps expressions to positions in source files.
+    /// The WGSL program, with the position of each expression in the source files.
     program: Arc<Program>,
     /// The largest number of loop iterations that a case may take.
     fuel: u64,
@@ -85,12 +85,12 @@ fn lowering(via: Via) -> Settings {
     Settings { contract, statements, named, ..Settings::default() }
 }
 
-/// The largest number of loop iterations for a case, if the number of iterations of each loop has a known bound. A case
-/// with more iterations would take minutes.
+/// The largest number of loop iterations for a case of a program in which each loop has a known bound. A case with more
+/// iterations would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// Limits for loops in a proof about many arguments at once. `FEW_ROUNDS` limits the iterations in which only some of
-/// the arguments leave the loop, and `MANY_ROUNDS` limits all iterations.
+/// The number of iterations after which a run with intervals gives up, if the intervals don't decide whether a loop
+/// ends. `MANY_ROUNDS` limits all iterations of such a run.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
@@ -257,8 +257,8 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// The bounds, like [`driver_bounds`](Self::driver_bounds), for all arguments between the arguments of two rows.
-    /// Returns `None` for quads and for 16-bit floats.
+    /// Bounds that hold for all arguments between the arguments of two rows. The bounds are computed like
+    /// [`driver_bounds`](Self::driver_bounds). Returns `None` for quads and for 16-bit floats.
     pub(crate) fn bounds_between(
         &self,
         cases: usize,
@@ -559,9 +559,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if each of the nested loops that the engine stopped ran fewer than 1/16 of all counted iterations. Then these
-/// loops may still end: the limit counts nested loops together. Karat still finds an endless loop if each of its
-/// iterations runs at most 15 iterations of inner loops.
+/// Checks if the engine stopped a call in loops that each ran fewer than 1/16 of the call's iterations. These loops may
+/// still end, because other loops ran most of the iterations. Karat still recognises an endless loop whose iterations
+/// each run at most 15 iterations of inner loops.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

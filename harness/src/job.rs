@@ -94,7 +94,7 @@ pub struct Source {
     pub bytes: Range<usize>,
     /// The author's file.
     pub file: String,
-    /// The line of that file on which the part begins, counted from 1.
+    /// The line of `file` on which the part begins, counted from 1.
     pub line: usize,
 }
 

@@ -24,7 +24,7 @@ pub(crate) enum Class {
     WrongSign,
     TooLow,
     TooHigh,
-    /// WGSL doesn't allow the reference's value, so the shader is wrong.
+    /// No WGSL implementation may return the reference's value for this shader, so the shader is wrong.
     Shader,
     /// WGSL doesn't allow the result, so the driver is wrong.
     Driver,
@@ -64,7 +64,8 @@ pub struct Census {
     pub too_low: u64,
     /// The number of failures in which the worst component is above the reference.
     pub too_high: u64,
-    /// The number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the reference's value.
+    /// The number of failures under [`Spec`](crate::Spec) because no WGSL implementation may return the reference's
+    /// value for the shader.
     pub shader: u64,
     /// The number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the result.
     pub driver: u64,

@@ -18,7 +18,8 @@ use crate::output::visible;
 const LARGE: u64 = 128 << 10;
 /// The largest size in bytes of a golden that Karat accepts.
 const TOO_LARGE: u64 = 1 << 20;
-/// The width and height in pixels above which accepting a frame gives a warning: smaller frames usually suffice.
+/// A width and a height in pixels. Accepting a frame that is wider or higher gives a warning, because smaller frames
+/// usually suffice.
 const WIDE: (u32, u32) = (640, 360);
 
 /// The decision to accept a pending frame.
@@ -42,7 +43,7 @@ pub struct Acceptance {
 pub struct Accepted {
     /// The golden's file.
     pub golden: PathBuf,
-    /// `true` if Karat wrote the golden, `false` if the golden already has the frame's pixels and facts.
+    /// `true` if Karat wrote the golden, `false` if the golden already has the frame's pixels and provenance.
     pub written: bool,
     /// Warnings for a reviewer.
     pub warnings: Vec<String>,
@@ -157,7 +158,7 @@ pub enum AcceptError {
         /// The profile that the acceptance names.
         asked: String,
     },
-    /// Karat compared the frame with its profile's own golden.
+    /// The acceptance names no profile, but Karat compared the frame with its profile's own golden.
     #[error(
         "`{case}` was compared with the golden of profile {profile}; accept the frame for this profile with \
          --profile {profile}"
@@ -199,7 +200,7 @@ pub enum AcceptError {
         /// Size of the file in bytes.
         bytes: u64,
     },
-    /// The acceptance names a profile for values. Values have one golden for all profiles.
+    /// The acceptance names a profile, but the pending file has values. Values have one golden for all profiles.
     #[error(
         "the values `{0}` have one golden for all profiles: instead of --profile, give a path its own tolerance in the test (`.tolerance_on(...)`)"
     )]
@@ -353,7 +354,7 @@ impl Goldens {
     }
 }
 
-/// Writes a golden and its facts: a frame's two files (both or neither), or a table's single file.
+/// Writes a golden and its provenance: a frame's two files (both or neither), or a table's single file.
 fn write_golden(
     path: &Path,
     content: Content,
@@ -392,8 +393,8 @@ fn write_golden(
     Ok(Accepted { golden: path.to_owned(), written: true, warnings })
 }
 
-/// Checks if the golden already has this content and these facts. A frame's golden has the facts in both of its files,
-/// and both must agree.
+/// Checks if the golden already has this content and this provenance. The provenance of a frame's golden is in two
+/// files, and both must agree.
 fn is_there(path: &Path, content: &Content, provenance: &Provenance) -> bool {
     let decision_aside = |known: &Provenance| {
         let (accepted_by, accepted_at, because) = Default::default();

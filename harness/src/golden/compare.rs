@@ -1,4 +1,4 @@
-//! The comparison of a frame with its golden. The cheapest comparison comes first.
+//! Compares a frame with its golden. The cheapest criteria come first.
 
 use std::fmt;
 
@@ -111,7 +111,7 @@ pub enum FrameDifference {
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
     Mask(MaskError),
-    /// The tolerance has a useless bound, which every frame passes, or no frame passes.
+    /// The tolerance has a useless bound: one that every frame passes, or that no frame passes.
     Tolerance(String),
     /// Values differ by more than the tolerance.
     Values(Box<Deviation>),

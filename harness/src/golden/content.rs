@@ -21,7 +21,7 @@ pub(super) enum Content {
 }
 
 impl Content {
-    /// Reads a file, and the file's facts if it has any.
+    /// Reads a file's content, and its provenance if the file has one.
     pub(super) fn read(file: &Path) -> Result<(Self, Option<Provenance>), AcceptError> {
         let path = || crate::diagnostic::shown(file);
         if is_table(file) {

@@ -38,8 +38,8 @@ pub(super) fn read(path: &Path, name: &str) -> Result<Option<Image>, ImageError>
     Ok(parts.into_iter().find(|part| part.name == name).map(|part| part.image))
 }
 
-/// A variance as a part with 32-bit floats, because half floats can't represent a variance below 6e-8. The part
-/// keeps seven bits of the mantissa: further bits aren't significant and don't compress.
+/// Makes the part that stores a variance. The part has 32-bit floats, because half floats can't represent a variance
+/// below 6e-8. The part keeps seven bits of the mantissa: further bits aren't significant and don't compress.
 pub(super) fn variance(image: &Image) -> Part {
     let mut coarse = image.clone();
     for value in coarse.pixels_mut().iter_mut().flatten() {
@@ -48,7 +48,7 @@ pub(super) fn variance(image: &Image) -> Part {
     Part::new(VARIANCE, Precision::Float, coarse)
 }
 
-/// A mask as a part of a golden's file. Returns `None` if the mask can't be used for a frame of this size.
+/// Makes the part that stores a mask. Returns `None` if the mask can't be used for a frame of this size.
 pub(super) fn mask(mask: &Mask, width: u32, height: u32) -> Option<Part> {
     Some(Part::new(MASK, Precision::Half, mask.to_image(width, height).ok()?))
 }

@@ -80,9 +80,8 @@ impl Pending {
         is_table(&self.path)
     }
 
-    /// Checks if the pending file may become a golden for all profiles without further arguments. A frame may become
-    /// this golden if lavapipe drew the frame. A table may become this golden if its values come from lavapipe or from
-    /// Karat's engine. Lavapipe and the engine run on any machine.
+    /// Checks if the pending file may become a golden for all profiles without `--any-adapter`. A frame must come from
+    /// lavapipe, and a table from lavapipe or Karat's engine. Lavapipe and the engine run on any machine.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;
@@ -156,7 +155,7 @@ impl PendingFrames {
 }
 
 impl Goldens {
-    /// Writes a pending frame. If the frame of another path is pending, writes nothing.
+    /// Writes a pending frame. If the check already wrote another path's frame, writes nothing.
     pub(super) fn write_pending(
         &self,
         case: &str,
@@ -206,7 +205,7 @@ impl Goldens {
         found.without_doubles(&self.folder())
     }
 
-    /// The pending frames of this name, and the unusable files whose file names have this name.
+    /// The pending frames of this name, and the unusable files at the paths of such frames.
     ///
     /// # Errors
     /// Returns an error if no pending frame or unusable file has this name.
@@ -219,7 +218,7 @@ impl Goldens {
     /// The pending frames of this name, and of the names for which `matches` returns `true`.
     ///
     /// # Errors
-    /// Returns an error if no pending frame or unusable file has such a name.
+    /// If no pending frame or unusable file has a selected name.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn select_by(

@@ -10,7 +10,7 @@ use crate::image::remove_leftover;
 use crate::package::LinkedModule;
 
 /// The folder of frames that were rendered under an overlay. An overlay (`KARAT_OVERLAY`) is a folder of files that
-/// replace modules of the package. Because of the `@`, no golden can have the same name.
+/// replace modules of the package. No golden's name contains `@`, so no golden can have the name of this folder.
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
@@ -39,8 +39,8 @@ impl Goldens {
         below.map_or_else(String::new, with_slashes)
     }
 
-    /// The name of the Cargo package that has the folder, from the nearest `Cargo.toml` with a package. The name is
-    /// empty if there is no such `Cargo.toml`. The folder of goldens needn't exist yet.
+    /// The name of the Cargo package that contains the folder, from the nearest `Cargo.toml` with a `[package]`. The
+    /// name is empty if there is no such `Cargo.toml`. The folder of goldens needn't exist yet.
     ///
     /// ```
     /// let goldens = karat::goldens!("golden");
@@ -78,7 +78,7 @@ impl Goldens {
     }
 
     /// Hashes of modules, by the paths of their files from the project's root. The key of a module outside of the
-    /// project is the module's name. Paths from the root and names are the same on all machines.
+    /// project is the module's name. These keys are the same on all machines.
     pub(super) fn module_hashes(&self, modules: &[LinkedModule]) -> BTreeMap<String, String> {
         let project = self.project();
         let name = |module: &LinkedModule| {

@@ -79,14 +79,14 @@ pub struct Provenance {
     pub because: String,
 }
 
-/// The reason why Karat can't use the facts in a file.
+/// The reason why Karat can't use a file's provenance.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProvenanceError {
-    /// A newer version of Karat wrote the facts.
+    /// A newer version of Karat wrote the provenance.
     #[error("the metadata comes from a newer Karat (version {0} of the format, but this Karat reads version {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
-    /// The facts can't be parsed, or have control characters.
+    /// The provenance can't be parsed, or has control characters.
     #[error("the metadata can't be read ({0})")]
     Damaged(String),
 }

@@ -7,7 +7,7 @@
 //! 0.5,0.25,0.0796
 //! ```
 //!
-//! The lines with `#` contain the facts about the values, as TOML. The other lines are CSV. The cells are numbers,
+//! The lines with `#` contain the provenance of the values, as TOML. The other lines are CSV. The cells are numbers,
 //! `true` or `false`, so they need no quotes.
 
 use std::path::Path;
@@ -56,7 +56,7 @@ pub enum TableError {
     /// The file can't be read.
     #[error(transparent)]
     File(#[from] ImageError),
-    /// The facts in the file's comments can't be used.
+    /// The provenance in the file's comments can't be used.
     #[error("`{path}` can't be used: {cause}")]
     Provenance {
         /// The file.
@@ -139,7 +139,7 @@ impl Table {
         text
     }
 
-    /// Reads a table with its facts.
+    /// Reads a table and its provenance.
     ///
     /// # Errors
     /// Returns an error if the file can't be read, or a line isn't valid.

@@ -19,7 +19,7 @@ fn adapter(path: &str) -> Adapter {
     Adapter { path: path.to_owned(), name, driver, software: true }
 }
 
-/// An image of 64 x 48 pixels: a ramp of brightness above, and bright pixels below.
+/// An image of 64 x 48 pixels: a ramp of brightness in the upper half, and bright pixels in the lower half.
 fn ramp() -> Image {
     let pixel = |index: u32| {
         let (x, y) = ((index % 64) as f32, (index / 64) as f32);

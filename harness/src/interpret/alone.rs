@@ -1,5 +1,5 @@
-//! Runs functions that write to variables outside of the function. Each case is one dispatch of a kernel: a generated
-//! compute entry point that calls the function.
+//! Runs a function that writes to module-scope variables, such as storage buffers. Each case is one dispatch of a
+//! kernel: a generated compute entry point that calls the function.
 
 use std::sync::Arc;
 
@@ -22,7 +22,8 @@ pub struct Alone {
     program: Arc<Program>,
     name: String,
     written: Vec<Binding>,
-    /// The first of three bindings in group 0: for arguments, results, and the batch.
+    /// The first of three binding numbers in group 0: for the arguments, the results, and the numbers that describe the
+    /// batch.
     first: u32,
     words_in: usize,
     words_out: usize,

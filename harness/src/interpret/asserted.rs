@@ -24,7 +24,7 @@ pub(crate) const KEPT: usize = 1024;
 /// The number of values that a test's output shows for each printing line.
 pub(crate) const SHOWN: usize = 16;
 
-/// A line that prints, with the printed values. `C` is the type of a case: its index during a run, and its name
+/// A line that prints, with the printed values. `C` identifies a case: by its index during a run, and by its name
 /// afterwards.
 struct Print<C> {
     span: Span,
@@ -338,7 +338,8 @@ impl Watched {
     /// Prepares a function for the engine. Returns `None` if the function neither asserts nor prints.
     ///
     /// # Errors
-    /// Returns an error if the engine can't execute the function. Otherwise the test would pass without its assertions.
+    /// Returns an error if the engine can't execute the function. Without this error, the test would
+    /// pass although its assertions didn't run.
     pub(crate) fn of(probed: &Probed, fixtures: &Fixtures) -> Result<Option<Self>, ProbeError> {
         if !has_lines(&probed.program) {
             return Ok(None);

@@ -60,7 +60,8 @@ pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, Dispa
 /// A function that runs one pass, and changes its resources. It returns `false` if later passes must not run.
 type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool, Stop>;
 
-/// Runs passes one after another with `run`, and returns all resources. A resource's binding in group 0 is its number.
+/// Runs passes one after another with `run`, and returns all resources. The resource with the number N has binding N in
+/// group 0.
 pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
     Prepared::new(passes, &Settings::default())?.run(run)
 }

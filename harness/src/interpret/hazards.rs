@@ -19,8 +19,8 @@ use crate::diagnostic::Span;
 pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
 
-/// Describes the first operation that has finite operands and returns NaN or infinity: a name such as `first NaN`, and
-/// the operation with its position.
+/// Describes the first operation that has finite operands and returns NaN or infinity. Returns a name (`first NaN` or
+/// `infinite`), and the text and position of the operation.
 pub(crate) fn first_not_finite<'f>(
     found: impl Iterator<Item = &'f Found>,
 ) -> Option<(&'static str, String)> {
@@ -50,7 +50,7 @@ pub struct Found {
     pub values: Option<(f32, f64)>,
     /// For NaN, infinity and lost digits, the operation's operands in `f32`; otherwise empty.
     pub operands: Vec<f32>,
-    /// The two pixels of a derivative that only one of them takes. Otherwise `None`.
+    /// Two neighbouring pixels, if only one of them takes the derivative. Otherwise `None`.
     pub missing: Option<Missing>,
 }
 
@@ -85,8 +85,8 @@ pub struct Hazards {
     pub reached: BTreeMap<usize, usize>,
 }
 
-/// The number of lanes (cases or pixels) that run together. The engine runs this many lanes as one chunk, so Karat
-/// records their operations in order.
+/// The number of lanes (cases or pixels) that run together. The engine runs these lanes on one thread, so Karat records
+/// their operations in order.
 const TOGETHER: usize = 256;
 
 /// The largest number of operations to record in a run. A loop repeats its operations, so a hazard in its thousandth
@@ -144,8 +144,8 @@ const MOST_ROUNDS: u64 = 65_536;
 /// ends. Until then, the engine assumes in each iteration both that the loop ends and that it continues.
 const UNDECIDED: u64 = 16;
 
-/// Double precision rounds a number by up to 2^-53 of the number. So a difference that is less than this share (2^-41)
-/// of its operands has fewer than 12 correct bits even in double precision. This is half of the 24 bits of an `f32`.
+/// A difference that is less than this share (2^-41) of its operands has fewer than 12 correct bits even in double
+/// precision, which rounds a number by up to 2^-53 of the number. 12 bits are half of the 24 bits of an `f32`.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An interval whose relative width is at most this number counts as one number. If all operands of an operation count
@@ -165,7 +165,7 @@ struct Event<F> {
 /// Two pixels of a quad: one takes a derivative, and the other doesn't.
 #[derive(Clone, Copy)]
 struct Parted {
-    /// The indices of both pixels among all pixels: first the pixel that takes the derivative.
+    /// The indices of the two pixels: first of the pixel that takes the derivative, then of the other pixel.
     pixels: [usize; 2],
     /// The site of the condition or the jump at which the second pixel took another branch.
     by: Option<usize>,
@@ -292,8 +292,8 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost. There, an operand comes from an
-/// operation that [`absorbs`] a number, and the operation itself loses digits ([`is_blind`]).
+/// The lanes and sites where double precision can't show which digits are lost. At such a site, the operation loses
+/// digits ([`is_blind`]), and an operand comes from an earlier operation that [`absorbs`] a number.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     // For each lane, the values that were computed from an operand that double precision lost.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
@@ -322,7 +322,8 @@ const KEPT: usize = 16;
 /// A function that checks if an operation loses digits, compared with the same operation in double precision.
 type Loses<'l> = &'l dyn Fn(&Event<f32>, &Event<f64>) -> bool;
 
-/// A function that checks if the caller ignores a hazard. Then Karat reports the next hazard of the same kind instead.
+/// A function that checks if the caller ignores a hazard. Karat reports the next hazard of the same kind instead of an
+/// ignored one.
 pub(crate) type LeftOut<'l> = &'l (dyn Fn(&Found) -> bool + Sync);
 
 impl Observer<Intervals> for Known {

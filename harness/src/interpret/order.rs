@@ -17,8 +17,8 @@ pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
 /// In the backward orders, invocations may wait in loops for this number of turns before a waiting invocation gets the
-/// lowest priority. In a turn, an invocation runs up to its next atomic. So a loop that gives up after at most a
-/// thousand retries reaches its limit.
+/// lowest priority. In a turn, an invocation runs up to its next atomic. With this number of turns, a loop that gives
+/// up after a thousand retries has enough turns to give up.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations in several passes.
@@ -40,9 +40,10 @@ impl OrderOf {
         Self { of_pass: turns.into_iter().map(of).collect() }
     }
 
-    /// The sampled order `number`. The first three orders run invocations by number, backwards, and in turn. In later
-    /// orders (by number, backwards, or shuffled), one or two invocations of each pass that has atomics wait for a long
-    /// time before one of their atomics. In half of these later orders, other invocations may see an atomic store late.
+    /// The sampled order with the index `number`. In order 0, the invocation with the lowest index runs first; in order
+    /// 1, the one with the highest index; in order 2, the invocations take turns. In later orders (by number,
+    /// backwards, or shuffled), one or two invocations of each pass that has atomics wait for a long time before one of
+    /// their atomics. In half of these later orders, other invocations may see an atomic store late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {

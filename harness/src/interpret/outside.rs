@@ -13,8 +13,8 @@ use crate::dispatch::DispatchError;
 /// The largest number of times that Karat runs the passes to judge the reads of one pass.
 const MOST_RUNS: usize = 64;
 
-/// Values that a read may return, the most useful first. Karat tries several, because in an array of kinds or flags,
-/// perhaps only one element changes the result. If there are few reads, Karat tries more of these values.
+/// Values that a read outside of an array may return, the most useful first. Karat tries several, because perhaps only
+/// one of them changes the result. If there are few reads, Karat tries more of these values.
 const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Number(0),
     Elsewhere::Nth(0),
@@ -39,7 +39,7 @@ const ANY: [Elsewhere; 6] = [
 /// The effect of a pass's reads outside of arrays on its result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// The numbers of the reads that change the result while every other read returns its usual value.
+    /// The reads that change the result while every other read returns its usual value, by their `Outside::number`.
     pub(super) alone: Vec<u32>,
     /// `true` if no single read changes the result, but the result changes if all reads return other values.
     pub(super) together: bool,
@@ -47,7 +47,7 @@ pub(super) struct Matter {
 }
 
 /// Finds out which of the `reads` outside of arrays in the pass `number` change the results. `made_up` is `true` if
-/// contents are generated.
+/// Karat generated the contents of the passes' resources.
 pub(super) fn matter(
     prepared: &Prepared<'_>,
     (number, made_up): (usize, bool),

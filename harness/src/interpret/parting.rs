@@ -1,4 +1,4 @@
-//! Finds the first operation that returns another value in an unusual order of invocations.
+//! Finds the first operation that returns different values in the usual order of invocations and in another order.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};

@@ -12,7 +12,8 @@ use crate::settings;
 /// The number of orders to sample, if there are too many orders to try all of them.
 const DRAWN: u64 = 16;
 
-/// Limits for trying all orders: the number of orders, and the number of invocations in all these runs together.
+/// The largest number of orders when the runner tries all orders. `MOST_INVOCATIONS` limits the number of invocations
+/// in all these runs together.
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
@@ -67,8 +68,8 @@ pub struct Runner<'p> {
 }
 
 impl<'p> Runner<'p> {
-    /// Makes a runner, which begins with the usual order. That run counts the atomics, from which the runner estimates
-    /// the number of orders.
+    /// Makes a runner, which begins with a run in the usual order. This first run counts the atomics, from which the
+    /// runner estimates the number of orders.
     pub fn new(passes: &'p Passes) -> Self {
         Self {
             passes,

@@ -43,8 +43,9 @@ pub fn examine_made_up(passes: &Passes) -> Examined {
 /// invocations stall.
 const ORDERS_MADE_UP: u64 = 8;
 
-/// The largest number of turns in one of these orders. In a turn, one invocation runs up to its next atomic. 65,536
-/// turns take some hundredths of a second. Karat tries a dozen sets of contents with eight orders each.
+/// The largest number of turns in one sampled order with generated contents. In a turn, one invocation runs up to its
+/// next atomic. 65,536 turns take some hundredths of a second. Karat tries a dozen sets of contents with eight orders
+/// each.
 const TURNS_MADE_UP: usize = 1 << 16;
 
 /// Runs passes in the usual order, with the usual and the smallest subgroup size, and returns the findings. If the
@@ -124,8 +125,8 @@ impl Known {
 pub(super) enum Ways<'w> {
     /// Runs in an order that the caller chose. `None` stands for the usual order.
     Ordered(Option<&'w OrderOf>, &'w Options),
-    /// Runs in the next order of an explorer, which tries all orders. After the run, the function returns the order in
-    /// which the explorer ran the passes.
+    /// Runs in the next order of an explorer, which tries all orders. After the run, the third field returns the order
+    /// in which the explorer ran the passes.
     Explored(&'w Options, &'w mut Explorer, &'w dyn Fn(&Explorer) -> OrderOf),
 }
 
@@ -492,7 +493,8 @@ fn named(program: &Program, variable: &str, path: &str) -> (String, String) {
     (variable, element)
 }
 
-/// Checks if an access is inside another access's statement. No barrier can be between two such accesses.
+/// Checks if the source range of the access `other` contains the source range of the access `one`. No barrier can be
+/// between two such accesses.
 fn is_within(one: &Access, other: &Access) -> bool {
     let ranges = [one, other].map(|access| access.site.span.to_range());
     let [Some(one), Some(other)] = ranges else { return false };
@@ -525,8 +527,8 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     (Violation::new(&pass.name, Kind::Barrier, told, accesses.map(access).into()), diagnostic)
 }
 
-/// The violation for an index outside of an array. `others` has the other indices, if only all indices together change
-/// the results.
+/// The violation for an index outside of an array. If no single index changes the results, but all wrong indices
+/// together do, `others` has the other wrong indices.
 fn of_outside(
     examining: &Examining<'_>,
     one: &Outside,

@@ -133,8 +133,9 @@ impl Values {
         own.is_none_or(|(most, seen)| seen.fetch_add(1, Ordering::Relaxed) >= *most)
     }
 
-    /// Groups the recorded values by operation. A group is one run of an operation: its site, a number that counts the
-    /// runs at this site, and a value for each component. `components` returns the number of components at a site.
+    /// Groups the recorded values by runs of operations. A group is one run of an operation: its site, a number that
+    /// counts the runs at this site, and a value for each component. `components` returns the number of components at a
+    /// site.
     fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<Seen>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
@@ -267,11 +268,12 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     row
 }
 
-/// The number of runs of an operation in a pixel's trace. Three iterations of a loop show how the loop continues.
+/// The largest number of runs of an operation that a pixel's trace shows. Three iterations of a loop show how the loop
+/// continues.
 pub(crate) const BRIEFLY: usize = 3;
 
-/// Traces the invocation of the last pass with this `global_invocation_id`. The steps have no bounds, because the
-/// engine can't store intervals in the buffers and textures that the pass writes.
+/// Traces one invocation of the last pass: `invocation` is its `global_invocation_id`. The steps have no bounds,
+/// because the engine can't store intervals in the buffers and textures that the pass writes.
 pub(crate) fn trace_pass(
     passes: &Passes,
     invocation: [u32; 3],

@@ -316,7 +316,7 @@ fn a_golden_without_its_facts_is_not_written() {
     assert_eq!(files.count(), 3, "no temporary file stays");
 }
 
-/// Karat accepts a frame only in its own folder of goldens.
+/// Karat accepts a frame only into the folder of goldens with which it compared the frame.
 // Lesson 42: acceptance under interruption
 #[test]
 fn a_frame_of_another_folder_is_refused() {

@@ -159,8 +159,8 @@ fn frame_tolerances_can_be_nested() {
     assert_eq!(error, "frame `room/ramp` can't be compared: the mask excludes all pixels");
 }
 
-/// No other profile uses the golden of a profile. Karat accepts such a golden only if the profile fails with the golden
-/// for all profiles.
+/// Only the profile `gl-llvmpipe` uses its own golden. Karat accepts a profile's own golden only if the frame fails
+/// with the golden for all profiles.
 #[test]
 fn profiles_have_goldens_of_their_own() {
     let project = Project::with_golden();
@@ -226,7 +226,7 @@ fn a_tolerance_that_is_tightened_holds() {
     project.check("vulkan", &near, Some(&fine), None).expect("equal");
 }
 
-/// Alpha from transmittance has rounding errors in transparent pixels.
+/// Transparent pixels may have rounding errors in alpha, for example if alpha is 1 minus the transmittance.
 #[test]
 fn a_rounding_error_in_transparent_alpha_passes() {
     let with = |alpha: f32| {
