@@ -460,8 +460,8 @@ impl Sources {
     }
 }
 
-/// One hash of a file's text with values, and of the text with placeholders. If only a placeholder changes, the text
-/// with values stays the same, but positions in messages may change.
+/// One hash of two texts of a file: the author's text with placeholders, and the text in which values replace the
+/// placeholders. If only a placeholder changes, the second text stays the same, but positions in messages may change.
 fn hash_of(file: &SourceFile) -> Hash {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.text.as_bytes());

@@ -107,7 +107,7 @@ impl Package {
         Linker::new(&library, &root)?.link(all, true, None)
     }
 
-    /// Follows each import, also unused imports. In a crate, the linker follows only used imports, as Bevy does,
+    /// Follows each import, including unused imports. In a crate, the linker follows only used imports, as Bevy does,
     /// because the target of an unused import may exist only with some features.
     fn check_imports(&self, library: &Library, root: &ModulePath) -> Result<(), PackageError> {
         if self.is_crate() { Ok(()) } else { imports::check(library, root) }

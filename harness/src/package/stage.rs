@@ -25,7 +25,7 @@ pub enum Stage {
 }
 
 impl Stage {
-    /// The stage of an attribute's name; `None` for other attributes.
+    /// The stage that an attribute such as `vertex` declares; `None` if the attribute declares no stage.
     pub(super) fn of(attribute: &str) -> Option<Self> {
         Some(match attribute {
             "vertex" => Self::Vertex,
