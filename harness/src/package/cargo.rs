@@ -62,7 +62,7 @@ pub(super) struct Crate {
 pub(super) struct Found {
     graph: Arc<Graph>,
     index: usize,
-    /// For some crates, by their index: a module folder that replaces the crate's own `root`.
+    /// Module folders that replace the `root` of a crate, by the crate's index in the graph.
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 

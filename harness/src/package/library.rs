@@ -185,8 +185,8 @@ impl Library {
         has
     }
 
-    /// Checks if the folder of a module exists. This check comes first and is quick: most paths that Karat tries are
-    /// paths of declarations, which have no folder.
+    /// Checks if the folder of a module exists. Karat makes this quick check before it searches for the file. Most
+    /// paths that Karat tries are paths of declarations, which have no folder.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {

@@ -19,8 +19,8 @@ use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
     /// Makes one new package from each of the `texts`. The new package's only module has the name `module`. The new
-    /// package imports this package as `name`, and has the features in `set`. `text` is the text of this package's
-    /// module `module`: each new module begins with a copy of the `#define`s in `text`.
+    /// package imports this package as `name`, and has the features in `set`. Each new module begins with the
+    /// `#define`s in `text`, which is the text of the module `module` in this package.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,

@@ -135,8 +135,7 @@ impl Kind for Printed {
     type Key = (PathBuf, blake3::Hash, Vec<String>);
     type Value = String;
     const MOST: usize = 10_000;
-    /// The programs of `preprocess` may read other files than the module, so the key doesn't contain everything that
-    /// the output depends on.
+    /// A `preprocess` program can read more files than the module's. So the output may depend on more than the key.
     const VOLATILE: bool = true;
 }
 

@@ -20,7 +20,7 @@ pub enum Stage {
     Fragment,
     /// A compute stage: `@compute`.
     Compute,
-    /// A stage that Karat doesn't run: mesh and ray shaders.
+    /// A stage that Karat doesn't run, such as the stage of a mesh shader.
     Other,
 }
 
