@@ -48,8 +48,8 @@
 //! instead of panicking.
 //!
 //! The stable names are at the root, in [`prelude`] and in the modules. Only a new major version changes them.
-//! Programs that run or report tests also use records, reports as data and naga's facts about a shader. These names
-//! are in [`unstable`], or their documentation says *Unstable*.
+//! Other names are for programs that run or report tests: such a name is in [`unstable`], or its documentation says
+//! *Unstable*.
 
 pub mod check;
 pub mod compute;
@@ -96,22 +96,22 @@ pub mod image {
     pub use karat_core::image::{Image, ImageError, Precision};
 }
 
-/// Measures of the difference between a frame and its golden: the gate, HDR-FLIP by tiles, noise. The module also
-/// has masks, which select the pixels to compare.
+/// Measures of the difference between a frame and its golden. `Flip` measures the difference that a person would see.
+/// `Noise` compares the difference with the noise of both images. `Mask` selects the pixels to compare.
 pub mod metric {
     pub(crate) use karat_core::metric::*;
     #[doc(inline)]
     pub use karat_core::metric::{Flip, Mask, MaskError, Noise, Pool, Rect};
 }
 
-/// The sets that contain a sampler's samples, such as a hemisphere, and quadrature rules for references.
+/// Supports of samplers, such as a hemisphere, and quadrature rules for references.
 pub mod stats {
     pub(crate) use karat_core::stats::*;
     #[doc(inline)]
     pub use karat_core::stats::{Support, gauss_legendre};
 }
 
-/// Tolerances: the largest error between a result and its reference that passes.
+/// Tolerances: the largest errors that pass, such as `Ulp` and `Rel`.
 pub mod tolerance {
     pub(crate) use karat_core::tolerance::*;
     #[doc(inline)]

@@ -1,7 +1,7 @@
 //! A set of WGSL or WESL modules, read at run time: editing a shader never rebuilds Rust.
 //!
-//! A package is a folder with one module in each file, one file, or text in memory. Modules import from each other
-//! (`import package::math::PI;`) and from other packages, on which their package depends. The linker copies the
+//! A package is a folder in which each file is a module, or a single file, or text in memory. Modules import from each
+//! other (`import package::math::PI;`) and from other packages, on which their package depends. The linker copies the
 //! declarations that a test needs into one WGSL text, byte for byte. The linker changes only names. So each position in
 //! this text has a line and a column in the author's file. [`Package::is_valid`] also validates modules that no test
 //! needs.
@@ -520,9 +520,9 @@ impl Package {
         Ok(modules)
     }
 
-    /// The files beside the modules, sorted: declared tests, tables, images. The list doesn't contain hidden files
-    /// and Cargo's build output. Karat enters each folder once, even if links lead there, too. For a package of one
-    /// file, the list has the other files in that file's folder. For text in memory, the list is empty.
+    /// The files beside the modules, sorted: declared tests, tables, images. For a folder, the list leaves out hidden
+    /// files and Cargo's build output. Karat enters each folder once, even if symbolic links lead to it again. For a
+    /// package of one file, the list has the other files in that file's folder. For text in memory, the list is empty.
     ///
     /// ```
     /// use karat::Package;

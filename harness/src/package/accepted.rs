@@ -1,5 +1,5 @@
-//! The declarations of `karat.toml` about findings: inputs, accepted hazards, accepted mutants, and known
-//! failures in the translation matrix.
+//! The parts of `karat.toml` for `karat hazards`, `karat mutate` and `karat matrix`: inputs, accepted hazards and
+//! mutants, and known failures.
 
 use std::collections::BTreeMap;
 

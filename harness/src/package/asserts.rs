@@ -1,8 +1,8 @@
 //! Assertions and prints in a shader: `//karat: assert x >= 0.0` and `//karat: print x`, each on a line of its own.
 //!
-//! To the program that loads the shader, these lines are comments. Karat replaces the comment by a variable and a
-//! `let`, so the shader's own control flow decides whether the value is computed. The number of lines stays the
-//! same. Karat maps positions in the new text back to the author's text. In WESL, an author may also write
+//! To the program that loads the shader, these lines are comments. Karat replaces each such comment with a variable
+//! and a `let`. So the shader computes the expression only when its control flow reaches the line. The number of lines
+//! stays the same. Karat maps positions in the new text back to the author's text. In WESL, an author may also write
 //! `@if(karat) assert(x >= 0.0);`.
 
 use super::PackageError;
@@ -12,8 +12,8 @@ use crate::diagnostic::{SourceFile, Span, Value, nearest};
 pub(crate) const ASSERTED: &str = "karat_assert_";
 pub(crate) const PRINTED: &str = "karat_print_";
 
-/// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The `let` reads
-/// this variable, so even the value of a bare name, such as `x`, is stored and loaded as an operation of its own.
+/// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The variable
+/// stores the expression's value, and the `let` loads it. So even a bare name, such as `x`, has its own store and load.
 pub(crate) const HOLDER: &str = "karat_value_";
 
 /// The first text in a comment with an assertion or a print.
@@ -116,7 +116,7 @@ impl<'l> Line<'l> {
         }
     }
 
-    /// Reads `@if(karat) assert(x);`. Returns `None` if the line is an import.
+    /// Reads `@if(karat) assert(x);` or `@if(karat) print(x);`. Returns `None` for `@if(karat) import karat::print;`.
     fn called(own: &'l str) -> Result<Option<Self>, String> {
         let wrong = || {
             Err(format!(
@@ -195,8 +195,8 @@ impl Verb {
     }
 }
 
-/// Merges two lists of replaced ranges of a text. Karat replaced the ranges of `inner` first, so these ranges refer
-/// to the text before Karat replaced the ranges of `outer`.
+/// Merges the replaced ranges of two passes over a text: first `inner`, then `outer`. The ranges in `inner` are
+/// positions in the text between the two passes. The merged ranges are positions in the final text.
 pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     let (mut all, mut shift, mut outer) = (Vec::new(), 0_isize, outer.into_iter().peekable());
     let moved = |at: usize, shift: isize| at.checked_add_signed(shift).expect("it is in the text");

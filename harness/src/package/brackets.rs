@@ -102,7 +102,7 @@ pub(super) fn end_of(
 }
 
 /// The index of the token that ends a structure's member or a function's parameter: the comma after the member or
-/// parameter, or the bracket that closes the list. A comma between `<` and `>` belongs to a type.
+/// parameter, or the bracket that closes the list. A comma between `<` and `>` doesn't end an item.
 pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
     let (mut at, mut depth) = (from, 0_usize);
     while at < tokens.len() {

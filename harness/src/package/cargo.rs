@@ -28,8 +28,9 @@ const DEEPEST: usize = 16;
 /// The name of the temporary project for which cargo resolves the version of a crate.
 const ASKING: &str = "shaders-of-a-version";
 
-/// Shaders may import from crates on which no crate depends. Karat adds these crates to the temporary project, and
-/// then asks cargo again. Karat asks cargo at most this many times.
+/// The largest number of times that Karat asks cargo for a crate's dependency graph. Shaders may import from crates on
+/// which no crate depends. Karat adds these crates to the temporary project, and then asks cargo again. If shaders of
+/// the crate's examples import from other crates, Karat asks once more.
 const ROUNDS: usize = 4;
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -61,7 +62,7 @@ pub(super) struct Crate {
 pub(super) struct Found {
     graph: Arc<Graph>,
     index: usize,
-    /// For some crates, by their index: a module folder that replaces the crate's own `root`.
+    /// Module folders that replace the `root` of a crate, by the crate's index in the graph.
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
@@ -225,7 +226,7 @@ impl Graph {
     }
 }
 
-/// The crates that the project in this folder builds or can build.
+/// The dependency graph of the Cargo project in this folder, or in the nearest folder above it.
 fn of_project(base: &Path) -> Result<Graph, String> {
     let base = if base.as_os_str().is_empty() { Path::new(".") } else { base };
     let base = base.canonicalize().map_err(|error| format!("`{}`: {error}", shown(base)))?;

@@ -8,10 +8,10 @@ use crate::diagnostic::nearest;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
-    /// `true` if Tint, too, must accept each shader. In that case, a package without Tint's verdict is invalid, for
-    /// example because Tint isn't installed.
+    /// `true` if Tint, too, must accept each shader. In that case, a package is invalid if Tint gives no
+    /// verdict, for example because Tint isn't installed.
     pub(crate) require_tint: bool,
-    /// Native features of wgpu that shaders use intentionally, by the names of naga's capabilities.
+    /// The native features of wgpu that shaders use intentionally, as naga names them.
     pub(crate) native: Vec<String>,
     pub(crate) limits: Limits,
     pub(crate) file: String,

@@ -29,8 +29,8 @@ pub(super) struct Inactive {
     pub(super) test: bool,
 }
 
-/// The feature in a condition that is only one feature's name: `@if(fast)`, `#ifdef FAST`. `None` for other
-/// conditions.
+/// Returns `fast` for `@if(fast)` or `#ifdef fast`. Returns `None` if the condition is more than a feature's name, such
+/// as `@if(!fast)`.
 pub(super) fn feature_of(condition: &str) -> Option<String> {
     let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
     let name =
@@ -43,7 +43,7 @@ pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
     pub(super) inactive: Vec<Inactive>,
-    /// The indices of the brackets that are open, without braces such as in `@if(fast) { .. }`.
+    /// The indices of the open brackets. The list leaves out the braces of a group, as in `@if(fast) { .. }`.
     open: Vec<usize>,
 }
 

@@ -185,7 +185,7 @@ pub enum PackageError {
     Twice {
         /// The package.
         package: String,
-        /// The things with the same name: ``modules named `brdf` ``.
+        /// The kind and the shared name, as text for the message: ``modules named `brdf` ``.
         what: String,
     },
     /// A `.wgsl` or `.wesl` file can't be a module.

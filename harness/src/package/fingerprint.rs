@@ -2,8 +2,8 @@
 //! only comments and blanks in the declaration and in everything that the declaration needs.
 //!
 //! After each edit, Karat compares the fingerprints of all tests, to find the tests that must run again.
-//! To link a hundred tests for this would take a hundred times as long as to link the changed test. So Karat hashes
-//! each declaration once, and hashes the declaration again only after its module changed.
+//! Linking a hundred tests after each edit would take a hundred times as long as linking the changed test. So Karat
+//! hashes each declaration once, and hashes the declaration again only after its module changed.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;

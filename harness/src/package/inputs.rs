@@ -15,7 +15,7 @@
 //! | `{ one_of = [0, 1, 4] }` | one of these numbers |
 //! | `"unit_vector"`, `"hemisphere"`, `"unit_rgb"` | vectors of this kind |
 //! | `"multiple of 64"` | lengths that are multiples of this number |
-//! | `{ range = [0, "length(out) - 1"], distinct = true }` | elements of an array, all different |
+//! | `{ range = [0, "length(out) - 1"], distinct = true }` | arrays of different numbers in this range |
 
 use toml::Value;
 

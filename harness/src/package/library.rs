@@ -185,8 +185,8 @@ impl Library {
         has
     }
 
-    /// Checks if the folder of a module exists. This check comes first and is quick: most paths that Karat tries are
-    /// paths of declarations, which have no folder.
+    /// Checks if the folder of a module exists. Karat makes this quick check before it searches for the file. Most
+    /// paths that Karat tries are paths of declarations, which have no folder.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
@@ -460,8 +460,8 @@ impl Sources {
     }
 }
 
-/// One hash of a file's text with values, and of the text with placeholders. If only a placeholder changes, the text
-/// with values stays the same, but positions in messages may change.
+/// One hash of two texts of a file: the author's text with placeholders, and the text in which values replace the
+/// placeholders. If only a placeholder changes, the second text stays the same, but positions in messages may change.
 fn hash_of(file: &SourceFile) -> Hash {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.text.as_bytes());

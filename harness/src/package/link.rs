@@ -19,8 +19,8 @@ use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
     /// Makes one new package from each of the `texts`. The new package's only module has the name `module`. The new
-    /// package imports this package as `name`, and has the features in `set`. `text` is the text of this package's
-    /// module `module`: each new module begins with a copy of the `#define`s in `text`.
+    /// package imports this package as `name`, and has the features in `set`. Each new module begins with the
+    /// `#define`s in `text`, which is the text of the module `module` in this package.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,
@@ -107,7 +107,7 @@ impl Package {
         Linker::new(&library, &root)?.link(all, true, None)
     }
 
-    /// Follows each import, also unused imports. In a crate, the linker follows only used imports, as Bevy does,
+    /// Follows each import, including unused imports. In a crate, the linker follows only used imports, as Bevy does,
     /// because the target of an unused import may exist only with some features.
     fn check_imports(&self, library: &Library, root: &ModulePath) -> Result<(), PackageError> {
         if self.is_crate() { Ok(()) } else { imports::check(library, root) }

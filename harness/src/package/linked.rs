@@ -60,8 +60,8 @@ pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
     String::from_utf8(bytes).map_or(text.into(), Cow::Owned)
 }
 
-/// Tokens that naga doesn't know. naga accepts subgroup operations without `enable subgroups;`, which WGSL
-/// requires (4.1.1).
+/// The tokens of `enable subgroups;`, which naga doesn't know. WGSL requires this directive for subgroup operations
+/// (4.1.1), but naga accepts the operations without the directive.
 pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
     const KNOWN: &str = "subgroups";
     let mut unknown = Vec::new();
@@ -118,7 +118,7 @@ pub(crate) struct Linked {
 pub(crate) struct Unmet {
     /// The condition in the author's text: `@if(fast)`.
     pub(crate) condition: String,
-    /// The feature in a condition that is only one feature's name. `None` for other conditions.
+    /// The feature's name, if the condition is only a name: `fast` for `@if(fast)`. Otherwise `None`.
     pub(crate) feature: Option<String>,
 }
 
@@ -126,7 +126,7 @@ pub(crate) struct Unmet {
 #[derive(Clone, Debug)]
 pub(crate) struct EntryPoint {
     pub(crate) stage: Stage,
-    /// Parameters that are builtin values, by their names: `id`, `global_invocation_id`.
+    /// The name and the builtin value of each parameter with `@builtin`, such as `id` and `global_invocation_id`.
     pub(crate) builtins: Vec<(String, String)>,
 }
 

@@ -30,7 +30,7 @@ pub(super) struct Manifest {
     dependencies: BTreeMap<String, Dependency>,
     /// Values of features. A test or the command line may override these values.
     pub(super) features: Features,
-    /// Features that the engine sets, even if no condition uses them.
+    /// Features that the game engine sets. Karat accepts such a feature even if no condition uses it.
     pub(super) set_by_engine: BTreeSet<String>,
     /// Texts that replace placeholders.
     values: Values,
@@ -50,7 +50,7 @@ pub(super) struct Manifest {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Dependency {
-    /// The package's folder, relative to this file.
+    /// The package's folder, relative to the folder of `karat.toml`.
     path: Option<PathBuf>,
     /// The crate with the shaders, and its version.
     #[serde(rename = "crate")]
@@ -83,7 +83,7 @@ struct Written {
     /// Features: `{ SHADOWS = true }`.
     #[serde(default)]
     features: BTreeMap<String, toml::Value>,
-    /// The values that replace names in the text, as the host replaces them.
+    /// Values that replace placeholders or names in the shaders, as the host does before it compiles the shaders.
     #[serde(default)]
     values: BTreeMap<String, toml::Value>,
     /// A program, with its arguments, that prints a module from its file.
@@ -135,8 +135,7 @@ impl Kind for Printed {
     type Key = (PathBuf, blake3::Hash, Vec<String>);
     type Value = String;
     const MOST: usize = 10_000;
-    /// The programs of `preprocess` may read other files than the module, so the key doesn't contain everything that
-    /// the output depends on.
+    /// A `preprocess` program can read more files than the module's. So the output may depend on more than the key.
     const VOLATILE: bool = true;
 }
 
@@ -173,8 +172,8 @@ pub(crate) struct Declared {
     /// Functions with accepted hazards: `module::name`, `module::*`.
     functions: Vec<String>,
     rows: Vec<String>,
-    /// The names that the modules declare, also under conditions that are false. Suggestions for a typo come from these
-    /// names.
+    /// The names that the modules declare, including names under false conditions. Suggestions for a typo come from
+    /// these names.
     names: Vec<String>,
 }
 
@@ -243,7 +242,7 @@ impl Declared {
         Ok(())
     }
 
-    /// Returns an error if no module has one of the names, because its entry in `karat.toml` would have no effect.
+    /// Returns an error if a name in `karat.toml` occurs in no module, because its entry would have no effect.
     pub(crate) fn conclude(self) -> Result<(), PackageError> {
         // All functions of a module, and of the modules below it.
         let is_of = |all: &str, own: &String| all.ends_with("::") && own.starts_with(all);

@@ -10,7 +10,7 @@ use crate::diagnostic::shown;
 #[derive(Debug, Default)]
 pub(super) struct Contents {
     pub(super) modules: Vec<String>,
-    /// All other files, including pipes and device files.
+    /// The files that aren't modules, including pipes and device files.
     pub(super) others: Vec<PathBuf>,
     /// The real paths of the folders that Karat has entered. Karat enters a folder once, even if several links lead to
     /// it.

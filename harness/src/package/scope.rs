@@ -1,7 +1,7 @@
 //! Finds the names in a declaration that refer to something outside of it.
 //!
-//! The linker ignores names that a function declares itself, members, and the words of attributes and address
-//! spaces. All other names are references: to declarations of this or another module, or to WGSL's own names.
+//! The linker ignores a function's own parameters and variables, members of structures, and the words of attributes and
+//! address spaces. All other names are references: to declarations of this or another module, or to WGSL's own names.
 
 use std::collections::HashMap;
 use std::ops::Range;

@@ -20,12 +20,12 @@ pub enum Stage {
     Fragment,
     /// A compute stage: `@compute`.
     Compute,
-    /// A stage that Karat doesn't run: mesh and ray shaders.
+    /// A stage that Karat doesn't run, such as the stage of a mesh shader.
     Other,
 }
 
 impl Stage {
-    /// The stage of an attribute's name; `None` for other attributes.
+    /// The stage that an attribute such as `vertex` declares; `None` if the attribute declares no stage.
     pub(super) fn of(attribute: &str) -> Option<Self> {
         Some(match attribute {
             "vertex" => Self::Vertex,

@@ -168,7 +168,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// Checks if a name with a colon isn't a parameter: a parameter is in parentheses, a member or a `case` isn't.
+/// Checks if a name before a colon is a structure's member or belongs to a `case`. A parameter is in parentheses.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {

@@ -1,5 +1,5 @@
 //! Caches everything that a process reuses when it reads a package again. The key of most entries has all inputs of
-//! the entry, such as a text and features, so an edit finds no outdated entry. There are three exceptions. The
+//! the entry, such as a text and features, so Karat makes a new entry after an edit. There are three exceptions. The
 //! entries for cargo's graphs stay until the process ends. For `karat.toml` and for linked programs, the code that
 //! uses an entry first checks if the entry is still right. For outputs of `preprocess`, which may depend on any
 //! file, [`refresh`] forgets the entries. If the entries of a kind reach the kind's limit, Karat drops all entries

@@ -59,7 +59,8 @@ pub fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
     work()
 }
 
-/// Ends the process if the guard isn't dropped before the deadline. `what` describes the work, and how to repeat it.
+/// Starts a deadline, and returns its guard. If the guard still exists at the deadline, the process ends. `what`
+/// describes the work, and how to repeat it.
 pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
     within(settings::deadline(), path, what)
 }

@@ -67,8 +67,8 @@ pub(super) fn families() -> impl Iterator<Item = &'static str> {
     FAMILIES.iter().map(|(_, family)| *family)
 }
 
-/// The family for the names of an adapter and its driver. For an unknown driver, the family is the first word of the
-/// adapter's name.
+/// The driver family of an adapter. For an unknown driver, the family is the first word of the driver's name, or of the
+/// adapter's name if the driver has no name.
 pub(super) fn family(name: &str, driver: &str) -> String {
     let text = format!("{driver} {name}").to_lowercase();
     let known = FAMILIES.iter().find(|(mark, _)| text.contains(mark));
@@ -78,7 +78,7 @@ pub(super) fn family(name: &str, driver: &str) -> String {
 
 impl Adapter {
     /// The driver family of the adapter: `llvmpipe`, `nvidia`, `amd`. For an unknown driver, the family is the first
-    /// word of the adapter's name.
+    /// word of the driver's name, or of the adapter's name if the driver has no name.
     ///
     /// ```no_run
     /// use karat::Path;

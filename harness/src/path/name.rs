@@ -350,7 +350,7 @@ fn unknown_driver(name: &str, driver: &str) -> PathError {
 }
 
 /// Returns the process's only copy of a text, and never frees it: `Path` is `Copy`, so it can't own the name of its
-/// driver. A process uses only few such names.
+/// driver. A process uses only a few such names.
 fn intern(text: &str) -> &'static str {
     static TEXTS: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut texts = TEXTS.lock().expect("no thread panics while it holds the lock");

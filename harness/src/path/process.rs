@@ -11,8 +11,8 @@ use crate::diagnostic::{nearest, one_line};
 use crate::lines::Broken;
 use crate::settings;
 
-/// The version of the format for jobs and replies. A change of the format that older programs would misread increases
-/// the version.
+/// The version of the format for jobs and replies. Increase the version if older programs would misread the new
+/// format.
 pub(crate) const JOBS: u32 = 1;
 
 /// The first line that a program for jobs writes: `{"jobs": 1, "name": "Dawn", "can": ["f16", "textures"]}`.

@@ -8,10 +8,10 @@ use super::{Adapter, Path, PathError};
 /// Selects the paths to which a tolerance or a known issue applies, by API, by route, by driver, or by several of
 /// these.
 ///
-/// If the selector has no API, no route or no driver, it matches any. `Path::GL` and `"gl"` match OpenGL with any
-/// driver and route. `"vulkan@nvidia"` matches Vulkan with one driver. `"@llvmpipe"` matches llvmpipe on each API.
-/// `":hlsl"` matches every route through HLSL. If several selectors match a path, the selector with the most parts
-/// applies. If several selectors have the most parts, the last declaration applies.
+/// A selector without an API matches every API. The same is true of the route and the driver. `Path::GL` and `"gl"`
+/// match OpenGL with any driver and route. `"vulkan@nvidia"` matches Vulkan with one driver. `"@llvmpipe"` matches
+/// llvmpipe on each API. `":hlsl"` matches every route through HLSL. If several selectors match a path, the selector
+/// with the most parts applies. If several selectors have the most parts, the last declaration applies.
 ///
 /// ```
 /// use karat::Path;

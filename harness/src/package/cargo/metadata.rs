@@ -22,8 +22,8 @@ struct CargoPackage {
     version: String,
     id: String,
     manifest_path: PathBuf,
-    /// The registry or repository from which cargo fetched the crate; `None` if cargo fetched nothing, such as for a
-    /// crate of the project.
+    /// The registry or repository from which cargo fetched the crate; `None` for a local crate, such as a crate of
+    /// the project.
     source: Option<String>,
     targets: Vec<Target>,
     #[serde(default)]
