@@ -171,7 +171,7 @@ impl Program {
     /// ```
     ///
     /// # Errors
-    /// If the function can't be linked, or the linked text isn't valid WGSL.
+    /// Returns an error if the function can't be linked, or the linked text isn't valid WGSL.
     pub fn of_function(package: &Package, path: &str) -> Result<Arc<Self>, ReflectError> {
         dependence::program(package, &Wanted::Function(path.to_owned()))
     }
@@ -180,7 +180,7 @@ impl Program {
     /// conditions, naga gets the module's text unchanged.
     ///
     /// # Errors
-    /// If the module can't be linked, or the linked text isn't valid WGSL.
+    /// Returns an error if the module can't be linked, or the linked text isn't valid WGSL.
     pub fn of_module(package: &Package, module: &str) -> Result<Arc<Self>, ReflectError> {
         dependence::program(package, &Wanted::Module(module.to_owned()))
     }
@@ -188,7 +188,7 @@ impl Program {
     /// Links and validates some declarations of one module with everything that these declarations use.
     ///
     /// # Errors
-    /// If the declarations can't be linked, or the linked text isn't valid WGSL.
+    /// Returns an error if the declarations can't be linked, or the linked text isn't valid WGSL.
     pub fn of_items(
         package: &Package,
         module: &str,
@@ -299,7 +299,7 @@ impl Program {
         &self.checked.module
     }
 
-    /// The location in the author's file of a range of [`text`](Self::text).
+    /// The location in the author's file for a range of [`text`](Self::text).
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
         self.linked.spliced.resolve(range)

@@ -35,7 +35,7 @@ impl Running {
     /// Creates the folder of a run in a folder of records, and removes the folders of killed runs.
     ///
     /// # Errors
-    /// If the folder can't be created.
+    /// Returns an error if the folder can't be created.
     pub fn begin(records: &Path) -> Result<Self> {
         std::fs::create_dir_all(records)?;
         let turn = Turn::wait(records, File::try_lock)?;
@@ -65,7 +65,7 @@ impl Running {
     /// run.
     ///
     /// # Errors
-    /// If Karat can't write `last`. Then `last` still names the previous run.
+    /// Returns an error if Karat can't write `last`. Then `last` still names the previous run.
     pub fn end(mut self) -> Result<PathBuf> {
         let turn = Turn::wait(&self.records, File::try_lock)?;
         let name = self.folder.file_name().unwrap_or_default();
@@ -112,7 +112,7 @@ impl Turn {
     /// `File::try_lock_shared` for a process that reads.
     ///
     /// # Errors
-    /// If another process holds the lock for more than 30 seconds.
+    /// Returns an error if another process holds the lock for more than 30 seconds.
     pub(crate) fn wait(
         records: &Path,
         take: impl Fn(&File) -> std::result::Result<(), TryLockError>,

@@ -14,7 +14,7 @@ impl Program {
     /// at its lower right.
     ///
     /// # Errors
-    /// If an input of the fragment function has a location and isn't a `vec2f`.
+    /// Returns an error if an input of the fragment function has a location and isn't a `vec2f`.
     pub(crate) fn covering(&self, fragment: &str) -> Result<String, ReflectError> {
         let name = self.entry_point_name(fragment);
         let module = &self.checked.module;

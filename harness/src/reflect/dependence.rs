@@ -56,7 +56,7 @@ impl Dependence {
     /// Reads the dependences that the processes of a run wrote into the run's folder of records.
     ///
     /// # Errors
-    /// If a file can't be read, or a line isn't a dependence.
+    /// Returns an error if a file can't be read, or a line isn't a dependence.
     pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
         let mut all = Vec::new();
         for entry in std::fs::read_dir(folder)? {

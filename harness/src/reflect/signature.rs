@@ -193,8 +193,8 @@ impl Program {
     /// Reflects the function with this path in the author's code.
     ///
     /// # Errors
-    /// If a kernel can't call the function. The reason may be a pointer, a runtime-sized array, a missing result,
-    /// a 64-bit type, or an operation that only fragment shaders have.
+    /// Returns an error if a kernel can't call the function. The reason may be a pointer, a runtime-sized array, a
+    /// missing result, a 64-bit type, or an operation that only fragment shaders have.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         self.function_in_state(path, &State::new())
     }
@@ -266,7 +266,7 @@ impl Program {
         all.find(is_it)
     }
 
-    /// Reflects a function like [`function`](Self::function), with private variables as additional parameters and
+    /// Reflects a function as [`function`](Self::function) does, with private variables as additional parameters and
     /// results.
     pub fn function_in_state(&self, path: &str, state: &State) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
@@ -484,10 +484,10 @@ impl Program {
         }
     }
 
-    /// The parameters of a `@test` function. Such a function may have no result.
+    /// The parameters of a `@test` function. A `@test` function needs no result.
     ///
     /// # Errors
-    /// If the test can't run in a kernel, or if a kernel can't pass one of its parameters.
+    /// Returns an error if the test can't run in a kernel, or if a kernel can't pass one of its parameters.
     pub(crate) fn test_parameters(&self, path: &str) -> Result<Vec<(String, Shape)>, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let mut functions = self.checked.module.functions.iter();
@@ -704,7 +704,7 @@ impl Program {
     /// Converts the scalars of a buffer's value to the bytes of the buffer.
     ///
     /// # Errors
-    /// If the number of scalars doesn't fit the type.
+    /// Returns an error if the number of scalars doesn't fit the type.
     pub fn bytes(&self, binding: &Binding, lanes: &[u32]) -> Result<Vec<u8>, super::LayoutError> {
         super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
     }

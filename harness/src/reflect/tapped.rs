@@ -55,7 +55,8 @@ pub(crate) enum When {
     Last,
     /// The value in this iteration. The first iteration is 1.
     Round(u32),
-    /// The last value of a condition that is `false`. Karat counts only the times that the condition is false.
+    /// The value `false` of a condition, if the condition is `false` at least once. The counter counts only these
+    /// times.
     False,
 }
 
@@ -173,7 +174,7 @@ impl Program {
     /// an atomic operation.
     ///
     /// # Errors
-    /// If there is such a side effect; the error has its location.
+    /// Returns an error if there is such a side effect; the error has its location.
     pub(crate) fn expect_no_effects(&self) -> Result<(), ReflectError> {
         let (module, info) = (self.module(), self.info());
         let functions = module.functions.iter().map(|(_, function)| function);
@@ -215,8 +216,8 @@ impl Program {
         Err(ReflectError::Unprobeable(Box::new(found)))
     }
 
-    /// The range of the expression that an assertion or a print evaluates, because naga has no span for this
-    /// expression. `name` is the name of the `let` that has the expression's value.
+    /// The range of the expression that an assertion or a print evaluates. This function finds the range in the text,
+    /// because naga has no span for the expression. `name` is the name of the `let` that has the expression's value.
     fn held(&self, function: &str, name: &str) -> Option<Range<usize>> {
         if ![ASSERTED, PRINTED].iter().any(|one| name.starts_with(one)) {
             return None;
@@ -232,7 +233,7 @@ impl Program {
     /// A copy of this program in which the fragment functions `fragments` return the values in `telling`.
     ///
     /// # Errors
-    /// If naga rejects the program.
+    /// Returns an error if naga rejects the program.
     pub(crate) fn telling(
         &self,
         fragments: &[&str],
@@ -260,7 +261,7 @@ impl Program {
     /// [`TOLD`]. `counts` has the number of invocations in each direction.
     ///
     /// # Errors
-    /// If naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
+    /// Returns an error if naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
     pub(crate) fn telling_pass(
         &self,
         entry_point: &str,
@@ -412,8 +413,7 @@ fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     all
 }
 
-/// Two private variables, which store a value, and the number of times that the shader computed it, until the entry
-/// point returns.
+/// Two private variables: a value, and the number of times that the shader computed the value.
 #[derive(Clone, Copy)]
 struct Kept {
     value: Handle<GlobalVariable>,
@@ -701,7 +701,7 @@ fn tell(
 
 enum Rewritten {
     AsIs,
-    /// The original statement stays, and this block comes after it.
+    /// The original statement, followed by this block.
     Before(Block),
     Instead(Block),
 }
