@@ -134,8 +134,8 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the number that an iteration of the loop adds to the count: 1, plus 1 for each loop directly
-    /// inside of it. A driver counts an iteration of an inner loop even if no case enters the inner loop.
+    /// For each loop, the number that an iteration of the loop adds to the driver's count: 1, plus 1 for each loop
+    /// directly inside of it. A driver counts an iteration of an inner loop even if no case enters the inner loop.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
         // of the functions that it calls outside of loops.
@@ -290,7 +290,7 @@ fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
 }
 
 /// Inserts a block at the beginning of each loop's body, and another block before the loop. `counted` makes both
-/// blocks. It gets the loop's index in the result of [`loops_of`], and `true` for the block before the loop.
+/// blocks. `counted` gets the loop's index in the result of [`loops_of`], and `true` for the block before the loop.
 fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32, bool) -> Block) {
     for (statement, span) in block.span_iter_mut() {
         match statement {

@@ -413,7 +413,7 @@ fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     all
 }
 
-/// Two private variables: a value, and the number of times that the shader computed the value.
+/// Two private variables: one for a value, and one for the number of times that the shader computed the value.
 #[derive(Clone, Copy)]
 struct Kept {
     value: Handle<GlobalVariable>,
