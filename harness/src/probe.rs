@@ -66,7 +66,8 @@ impl Probed {
         Self::with_overrides(package, path, &Overrides::new())
     }
 
-    /// Prepares a function like [`new`](Self::new), with values for overrides. The keys are names or `@id` numbers.
+    /// Prepares a function as [`new`](Self::new) does, with values for overrides. The keys of `overrides` are names or
+    /// `@id` numbers.
     ///
     /// # Errors
     /// Returns the errors of [`new`](Self::new), and an error if an override has no value, or if a name or number is
@@ -79,7 +80,7 @@ impl Probed {
         Self::in_state(package, path, overrides, &State::new())
     }
 
-    /// Prepares a function like [`with_overrides`](Self::with_overrides), but private variables become additional
+    /// Prepares a function as [`with_overrides`](Self::with_overrides) does, but private variables become additional
     /// arguments and results. `state` has the variables that the function reads and writes, as [`Program::state_of`]
     /// finds them.
     ///
@@ -99,9 +100,9 @@ impl Probed {
         Ok(Self { program, function, kernel })
     }
 
-    /// Prepares a function like [`with_overrides`](Self::with_overrides), for a test. The function's whole module must
-    /// be valid, because an application compiles the whole module. Modules of crates may be invalid, because many need
-    /// features that the test didn't set.
+    /// Prepares a function for a test, as [`with_overrides`](Self::with_overrides) does. The function's whole module
+    /// must be valid, because an application compiles the whole module. The modules of a crate needn't be valid,
+    /// because many of them need features that the test didn't set.
     ///
     /// # Errors
     /// Returns the errors of [`with_overrides`](Self::with_overrides), and an error if the module isn't valid.
@@ -140,7 +141,7 @@ impl Probed {
         Ok(Self { kernel, ..self })
     }
 
-    /// Takes the length of each resource that the function writes from the resource's fixture.
+    /// Sets the length of each resource that the function writes to the length of the resource's fixture.
     ///
     /// # Errors
     /// Returns an error if the fixtures don't match the variables.
@@ -175,8 +176,8 @@ impl Probed {
         self
     }
 
-    /// Prepares the kernel for arguments of these types. If an argument is a quad and the function takes derivatives,
-    /// the kernel also gets the argument's derivatives as inputs.
+    /// Prepares the kernel for arguments of these types. If the function takes derivatives, the kernel also gets the
+    /// derivatives of each argument that has a value for each pixel of a quad.
     pub(crate) fn with_quads_of(self, arguments: &[Shape]) -> Self {
         if !self.takes_derivatives() {
             return self;
@@ -230,7 +231,7 @@ impl Probed {
 }
 
 impl ProbeError {
-    /// Checks if another path may run the function: this path lacks an ability, or its driver doesn't compile the
+    /// Checks if the error is specific to the path: the path lacks an ability, or its driver doesn't compile the
     /// kernel.
     #[must_use]
     pub fn is_of_path(&self) -> bool {
@@ -284,7 +285,7 @@ pub enum ProbeError {
         /// The missing ability.
         ability: Ability,
     },
-    /// Karat can't pass the arguments in this way, for example in a uniform buffer.
+    /// The arguments can't come from the chosen source, such as a uniform buffer.
     #[error("Karat can't pass the arguments of `{function}` as {inputs} inputs: {reason}")]
     Inputs {
         /// The function.

@@ -78,7 +78,7 @@ pub struct Record {
     pub overlay: Option<String>,
     /// The files on which the verdict depends, each once: modules, goldens, and the images of fixtures, masks and
     /// variances. The list is empty if an older Karat wrote the record. The list doesn't contain files that a reference
-    /// reads, and images from which a test copied pixels into another image. If the check ended before Karat compiled
+    /// reads, or images from which a test copied pixels into another image. If the check ended before Karat compiled
     /// its function, the list has only the function's module.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read: Vec<FileRead>,
@@ -134,7 +134,8 @@ pub enum Subject {
         assertion: String,
         /// `file:line:column` of the function; empty if Karat didn't find it.
         location: String,
-        /// The domains of the arguments as text, `x from 0 to 1`, if the test computes the domains at run time.
+        /// The domains of the arguments as text, such as `x from 0 to 1`; empty for domains of other types than
+        /// `Dynamic`.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         domain: String,
         /// Seed of the cases.
@@ -147,7 +148,7 @@ pub enum Subject {
         /// The folder of goldens; empty if the test compared the frame with a number instead of a golden.
         #[serde(default)]
         folder: String,
-        /// `file:line:column` of the check in the test. The file's path is the path that rustc got.
+        /// `file:line:column` of the check in the test. The file has the path that Rust's `file!` returns.
         #[serde(default)]
         location: String,
     },
@@ -158,9 +159,9 @@ pub enum Subject {
 pub struct PathRecord {
     /// The path's name, its adapter and its driver.
     pub adapter: Adapter,
-    /// Number of cases that Karat compared; for a frame, the number of pixels.
+    /// Number of compared cases, or of compared pixels of a frame.
     pub cases: u64,
-    /// Number of cases that failed; for a frame, the number of pixels.
+    /// Number of failing cases, or of failing pixels of a frame; 0 or 1 if the check compares the mean of an area.
     pub failures: u64,
     /// The largest error with its unit: `2.5 ulp`.
     pub worst: String,
@@ -181,7 +182,8 @@ pub struct PathRecord {
     /// The errors and arguments in a sample of cases; `None` if the path passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plot: Option<Plot>,
-    /// The numbers of samples that a failing sampler returned for its worst arguments; `None` in all other records.
+    /// A failing sampler's samples for its worst arguments, counted in cells of the support; `None` in all other
+    /// records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub histogram: Option<Histogram>,
     /// Number of argument sets for which the check judged a sampler; `failures` of them failed. `None` if the
@@ -281,7 +283,7 @@ fn is_none(count: &u64) -> bool {
 }
 
 impl Default for Run {
-    /// A run of every test, which passed.
+    /// A run of all tests, in which every test passed.
     fn default() -> Self {
         let (selected, failed, invalid, invalid_packages, remarks) = Default::default();
         let errors = Vec::new();

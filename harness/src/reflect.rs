@@ -299,7 +299,7 @@ impl Program {
         &self.checked.module
     }
 
-    /// The location in the author's file of a range of [`text`](Self::text).
+    /// The location in the author's file for a range of [`text`](Self::text).
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
         self.linked.spliced.resolve(range)

@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-/// Places where Linux distributions install a browser's driver manifest. With this file, Vulkan's loader finds
-/// SwiftShader.
+/// Files that tell Vulkan's loader where a browser's SwiftShader is, as Linux distributions install them.
 const MANIFESTS: [&str; 5] = [
     "/usr/lib/chromium/vk_swiftshader_icd.json",
     "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",

@@ -14,8 +14,8 @@ use crate::tint::{self, NoVerdict, Page};
 /// The names of the programs that are part of Karat. Each name is also short for a path: `dawn` means `process@dawn`.
 pub(super) const NAMES: [&str; 2] = ["dawn", "chromium"];
 
-/// The largest reply in bytes. A frame of 4096 x 4096 pixels fits, with four 32-bit words per pixel and up to ten
-/// digits per word.
+/// The largest size of a program's reply, in bytes. A frame of 4096 x 4096 pixels fits, with four 32-bit words per
+/// pixel and up to ten digits per word.
 const LONGEST: u64 = 1 << 30;
 
 /// The JavaScript that runs a job with WebGPU. `NODE` and `PAGE` are the scripts that receive the jobs.

@@ -5,7 +5,7 @@ use std::fmt;
 /// The source of a kernel's arguments. Compilers treat each source differently.
 ///
 /// WGSL compilers don't evaluate user functions at compile time. But if the arguments are constants, a driver may
-/// inline the function and evaluate it at compile time. The compiler may round in another way than the GPU.
+/// inline the function and evaluate it at compile time. The compiler may round differently than the GPU.
 ///
 /// ```
 /// use karat::prelude::*;

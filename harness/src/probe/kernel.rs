@@ -47,8 +47,7 @@ pub struct Kernel {
     /// The source of the arguments. If the arguments are constants, `text` has no calls, and
     /// [`of_constants`](Self::of_constants) writes a text with the calls for a batch.
     pub(super) inputs: Inputs,
-    /// `true` if a batch may choose to run each case in a separate vector of the processor. See
-    /// [`rounds`](super::rounds).
+    /// `true` if each case may have to run in a separate vector of the processor. See [`rounds`](super::rounds).
     pub(super) apart: bool,
     /// The number of loop counters, if the kernel returns counters instead of results.
     counted: Option<usize>,
@@ -89,8 +88,8 @@ impl Kernel {
         kernel
     }
 
-    /// A kernel that makes the same calls, but returns `loops` loop counters instead of the results. Karat then adds
-    /// the code that counts to naga's IR of the kernel's text.
+    /// A kernel that makes the same calls, but returns `loops` loop counters instead of the results. The code that
+    /// counts isn't in the kernel's text: Karat inserts it into naga's IR.
     pub(super) fn counting(&self, loops: usize) -> Self {
         let mut kernel = Self {
             words_out: loops,

@@ -9,7 +9,7 @@ use crate::fixture::Fixtures;
 pub struct Call<'c> {
     /// The function with its signature and its kernel.
     pub probed: &'c Probed,
-    /// The textures, samplers and buffers that the function reads, by the variable's name.
+    /// The textures, samplers and buffers that the function reads, by the names of their variables.
     pub fixtures: &'c Fixtures,
     /// The largest number of cases in a batch. An executor may support fewer cases.
     pub cases: usize,

@@ -6,8 +6,8 @@
 //! wrong.
 //!
 //! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the iterations. If a
-//! single case takes [`MOST_ROUNDS`] iterations, Karat reports an error. If only several cases in one vector may take
-//! that many together, Karat runs the kernel with one case in each vector.
+//! single case takes [`MOST_ROUNDS`] iterations, Karat reports an error. If no single case takes that many, but the
+//! cases of one vector may take that many together, Karat runs the kernel with one case in each vector.
 
 use super::bound::Compiled;
 use super::dispatcher::Dispatcher;

@@ -8,8 +8,8 @@ use super::{Inputs, Prepared, ProbeError, Probed, Started};
 use crate::fixture::Fixtures;
 use crate::path::{Device, guard};
 
-/// The number of cases in one dispatch. This many cases keep a GPU busy, and even a function with many words needs only
-/// 20 MB for them.
+/// The number of cases in one dispatch. This many cases keep a GPU busy, and even a function with dozens of arguments
+/// needs only 20 MB of buffers.
 pub(crate) const BATCH: usize = 65_536;
 
 pub(crate) struct Runner<'d> {

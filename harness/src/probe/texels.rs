@@ -148,8 +148,8 @@ impl Codec {
         }
     }
 
-    /// The bits of the four scalars that a shader reads from a texel. If the format lacks a channel, red, green and
-    /// blue are 0, and alpha is 1.
+    /// The bits of the four scalars that a shader reads from a texel. A colour channel that the format lacks is 0, and
+    /// a missing alpha is 1.
     pub(crate) fn decode(self, bytes: &[u8]) -> [u32; 4] {
         let one = if self.is_integer() { 1 } else { 1_f32.to_bits() };
         let mut words = [0, 0, 0, one];

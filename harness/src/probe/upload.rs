@@ -38,7 +38,7 @@ pub(crate) fn upload(
     upload_shared(device, program, &[binding], fixture)
 }
 
-/// Uploads a fixture that several variables share. The first binding is the one that `program` declares. The fixture
+/// Uploads a fixture that several variables share. `program` declares the variable of the first binding. The fixture
 /// must fit the kind of each variable.
 pub(crate) fn upload_shared(
     device: &Device,

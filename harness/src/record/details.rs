@@ -20,7 +20,7 @@ pub struct Details {
     /// The paths on which the check fails or gets no values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub paths: Vec<PathDetails>,
-    /// The violations in compute passes.
+    /// The races, missed barriers and wrong indices that the sanitizer found in compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
     /// The command that runs the check again, for a failure that belongs to no single path, such as a race. `None` for

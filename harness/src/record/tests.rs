@@ -155,7 +155,7 @@ fn tests_whose_frames_were_left_out_are_known() {
     assert_eq!(known, ["room", "scene"]);
 }
 
-/// Karat ignores the file `last` if its text isn't the name of a run's folder, such as `../x`.
+/// Karat ignores the file `last` if its text isn't the name of a run's folder, for example if the text is `../x`.
 #[test]
 fn the_file_last_can_only_name_a_folder_beside_it() {
     let temporary = tempfile::tempdir().expect("a temporary folder");

@@ -6,9 +6,8 @@ use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
 use super::{NAMED, Program};
 
 impl Program {
-    /// The attributes of an entry point. Attributes of inputs and outputs have the path of the input or output
-    /// (`in.uv`, `result`). A compute entry point also has its `@workgroup_size`. The list is empty if there is no such
-    /// entry point.
+    /// The attributes of an entry point: the path of each input or output (`in.uv`, `result`), with its attributes. A
+    /// compute entry point also has its `@workgroup_size`. The list is empty if there is no such entry point.
     pub fn attributes(&self, name: &str) -> Vec<(String, String)> {
         let name = self.entry_point_name(name);
         let module = &self.checked.module;

@@ -112,8 +112,8 @@ impl Program {
         Some(self.bindings(info))
     }
 
-    /// Checks if a compute entry point writes a resource. The result may be `false` for a `read_write` resource,
-    /// because an entry point may only read such a resource.
+    /// Checks if a compute entry point writes a resource. Returns `false` if the entry point only reads a `read_write`
+    /// resource.
     #[must_use]
     pub fn writes(&self, entry_point: &str, binding: &Binding) -> bool {
         let (name, module) = (self.entry_point_name(entry_point), &self.checked.module);

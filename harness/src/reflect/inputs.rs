@@ -1,11 +1,11 @@
-//! Reads the inputs with `@location` of entry points, such as vertex attributes.
+//! Reads entry points' inputs that have a `@location`, such as vertex attributes.
 
 use naga::{Binding, Type, TypeInner};
 
 use super::{NAMED, Program};
 use crate::value::Shape;
 
-/// An input with `@location` of an entry point. The host supplies the value of the input, for example from a vertex
+/// An entry point's input that has a `@location`. The host supplies the value of the input, for example from a vertex
 /// buffer.
 ///
 /// ```
@@ -29,7 +29,7 @@ pub struct Input {
 }
 
 impl Program {
-    /// The inputs with `@location` of an entry point. The list is empty if there is no such entry point.
+    /// The inputs of an entry point that have a `@location`. The list is empty if there is no such entry point.
     #[must_use]
     pub fn located_inputs(&self, name: &str) -> Vec<Input> {
         let name = self.entry_point_name(name);

@@ -46,7 +46,7 @@ impl Literals {
         }
     }
 
-    /// Adds the numbers of another program.
+    /// Adds the literals of another program to these literals.
     pub fn and(mut self, other: &Self) -> Self {
         other.floats.iter().for_each(|x| self.float(*x));
         other.wholes.iter().for_each(|x| self.whole(*x));

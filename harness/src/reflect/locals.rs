@@ -1,4 +1,4 @@
-//! Describes a function's parameters and variables as WGSL.
+//! Lists a function's parameters and variables, with their types as WGSL text.
 
 use std::collections::BTreeMap;
 

@@ -29,7 +29,7 @@ pub struct Opinion {
     pub unasked: Option<Missing>,
     /// Modules that exceed WebGPU's limits.
     pub limits: Vec<(String, Diagnostic)>,
-    /// Modules with tests that an application would load, each with a warning.
+    /// Modules, each with a warning: the module contains tests, but an application may load the module's file.
     pub shipped: Vec<(String, Diagnostic)>,
     /// Tint's warnings.
     pub warnings: Vec<(String, Diagnostic)>,

@@ -4,7 +4,7 @@ use naga::{Binding, ShaderStage, TypeInner};
 
 use super::{Program, Texels};
 
-/// An output with `@location` of a fragment function.
+/// An output of a fragment function, with its `@location`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Output {
     pub(crate) location: u32,

@@ -105,7 +105,7 @@ impl Program {
         formats.get(count - 1).copied()
     }
 
-    /// A format of a colour target for an output. A format with one component suffices, because a stage may write more
+    /// A format for the colour target of an output. One component is enough, because a fragment stage may write more
     /// components than the format has.
     fn target_format(&self, ty: Handle<Type>) -> Option<&'static str> {
         match self.scalars_of(ty)?.0.kind {

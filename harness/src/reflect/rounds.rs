@@ -85,8 +85,8 @@ enum Around {
     Loop(usize),
 }
 
-/// The nesting of loops, also through calls of functions. The indices of the lists are the numbers of loops and
-/// functions.
+/// The nesting of loops, also through calls of functions. `loops` and `owners` have an element for each loop, and
+/// `calls` has an element for each function.
 ///
 /// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`. The driver also
 /// runs at least one iteration of each loop in a branch, even if no case takes the branch. So whenever the code around
@@ -134,8 +134,8 @@ impl Nesting {
         }
     }
 
-    /// For each loop, the largest number of iterations that a driver counts in one iteration of the loop: 1, plus
-    /// 1 for each inner loop. If a case enters an inner loop, the iterations of the inner loop count separately.
+    /// For each loop, the number that an iteration of the loop adds to the driver's count: 1, plus 1 for each loop
+    /// directly inside of it. A driver counts an iteration of an inner loop even if no case enters the inner loop.
     fn weights(&self) -> Vec<u32> {
         // For each function, the number of its loops that are in no other loop of the function, plus the numbers
         // of the functions that it calls outside of loops.
@@ -290,7 +290,7 @@ fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
 }
 
 /// Inserts a block at the beginning of each loop's body, and another block before the loop. `counted` makes both
-/// blocks. The numbers of the loops are their indices in the result of [`loops_of`].
+/// blocks. `counted` gets the loop's index in the result of [`loops_of`], and `true` for the block before the loop.
 fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32, bool) -> Block) {
     for (statement, span) in block.span_iter_mut() {
         match statement {

@@ -266,7 +266,7 @@ impl Program {
         all.find(is_it)
     }
 
-    /// Reflects a function like [`function`](Self::function), with private variables as additional parameters and
+    /// Reflects a function as [`function`](Self::function) does, with private variables as additional parameters and
     /// results.
     pub fn function_in_state(&self, path: &str, state: &State) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
@@ -403,8 +403,8 @@ impl Program {
         Ok(function)
     }
 
-    /// The name of the function that Karat calls in place of the function `name`. If a function may discard, Karat
-    /// calls the wrapper that reports the discard.
+    /// The name of the function that Karat calls in place of the function `name`. If the function can execute
+    /// `discard`, Karat calls the wrapper that reports the discard.
     pub(super) fn called_name<'n>(&'n self, name: &'n str) -> &'n str {
         match &self.linked.discards {
             Some((own, wrapper)) if own == name => wrapper,
@@ -412,7 +412,7 @@ impl Program {
         }
     }
 
-    /// Checks if a function may execute `discard`, and also writes memory that other invocations see.
+    /// Checks if a function can execute `discard`, and also writes memory that other invocations see.
     pub(super) fn discards_and_writes(&self, path: &str) -> bool {
         let name = self.name_of(path);
         let called = self.called_name(name);
@@ -484,7 +484,7 @@ impl Program {
         }
     }
 
-    /// The parameters of a `@test` function. Such a function may have no result.
+    /// The parameters of a `@test` function. A `@test` function needs no result.
     ///
     /// # Errors
     /// Returns an error if the test can't run in a kernel, or if a kernel can't pass one of its parameters.
@@ -728,7 +728,7 @@ impl Program {
         self.shape_of(&self.checked.module.types[ty])
     }
 
-    /// The shape of a naga type. The type may be missing from the module.
+    /// The shape of a naga type. The type needn't be in the module.
     pub(super) fn shape_of(&self, ty: &naga::Type) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
         Ok(match &ty.inner {

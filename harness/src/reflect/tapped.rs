@@ -55,7 +55,8 @@ pub(crate) enum When {
     Last,
     /// The value in this iteration. The first iteration is 1.
     Round(u32),
-    /// The last value of a condition that is `false`. Karat counts only the times that the condition is false.
+    /// The value `false` of a condition, if the condition is `false` at least once. The counter counts only these
+    /// times.
     False,
 }
 
@@ -215,8 +216,8 @@ impl Program {
         Err(ReflectError::Unprobeable(Box::new(found)))
     }
 
-    /// The range of the expression that an assertion or a print evaluates, because naga has no span for this
-    /// expression. `name` is the name of the `let` that has the expression's value.
+    /// The range of the expression that an assertion or a print evaluates. This function finds the range in the text,
+    /// because naga has no span for the expression. `name` is the name of the `let` that has the expression's value.
     fn held(&self, function: &str, name: &str) -> Option<Range<usize>> {
         if ![ASSERTED, PRINTED].iter().any(|one| name.starts_with(one)) {
             return None;
@@ -412,8 +413,7 @@ fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     all
 }
 
-/// Two private variables, which store a value, and the number of times that the shader computed it, until the entry
-/// point returns.
+/// Two private variables: one for a value, and one for the number of times that the shader computed the value.
 #[derive(Clone, Copy)]
 struct Kept {
     value: Handle<GlobalVariable>,
@@ -701,7 +701,7 @@ fn tell(
 
 enum Rewritten {
     AsIs,
-    /// The original statement stays, and this block comes after it.
+    /// The original statement, followed by this block.
     Before(Block),
     Instead(Block),
 }

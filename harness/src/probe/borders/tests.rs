@@ -113,7 +113,7 @@ fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
 }
 
 /// The test fills a cube map with one colour, draws with the cube map, and fills it with another colour. On the drivers
-/// that fill borders only by a draw, a dispatch now reads the mean of the old and the new colour at an edge. Other
+/// that fill borders only in a draw, a dispatch now reads the mean of the old and the new colour at an edge. Other
 /// drivers read the new colour. After another draw, all drivers read the new colour.
 #[test]
 fn borders_are_those_of_the_last_draw_on_swiftshader() {

@@ -1,5 +1,5 @@
-//! Counts the iterations of loops in frames. An invocation that draws can't return its counters, so it reports a loop
-//! that takes too many iterations in a buffer.
+//! Counts the iterations of loops in frames. An invocation that draws can't return its counters. So if a loop takes too
+//! many iterations, the invocation writes the number of iterations to a buffer.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
@@ -27,9 +27,10 @@ impl Watched {
 }
 
 impl Program {
-    /// A copy of the program. If an invocation reaches `limit` iterations in all its loops together, the invocation
-    /// writes the number of iterations to a storage buffer. The buffer is at `binding` of group 0, and the index is
-    /// the number of the current loop. If `leave` is `true`, the invocation also leaves the loop.
+    /// A copy of the program whose invocations report too many iterations. If an invocation reaches `limit` iterations
+    /// in all its loops together, the invocation writes the number of iterations to the current loop's element of a
+    /// storage buffer. The buffer is at `binding` of group 0. If `leave` is `true`, the invocation also leaves the
+    /// loop.
     pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
