@@ -600,7 +600,7 @@ fn karat_toml_below_the_package_is_an_error() {
     );
 }
 
-/// `karat.toml` names the program that expands the folder's modules, and the folder's features.
+/// `karat.toml` names a program that preprocesses the folder's modules, and sets the folder's features.
 // Lesson 36
 #[test]
 #[cfg(unix)]
@@ -747,8 +747,8 @@ fn the_syntax_of_naga_oil_is_accepted() {
 }
 
 /// Old shaders of Bevy use this syntax of the first `naga_oil`: imported names after a blank, imports of a name that
-/// the module declares itself, unused imports of missing modules, and two files with the same path, one of which
-/// declares the name.
+/// the module declares itself, and unused imports of missing modules. Two files may also have the same path, if only
+/// one of them declares the imported name.
 // Lesson 36
 #[test]
 fn the_first_import_syntax_of_naga_oil_is_accepted() {
