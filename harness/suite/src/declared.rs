@@ -338,8 +338,8 @@ pub(crate) struct Frame {
     /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// The largest relative difference that a pixel may have: `1e-3`. Without this key, a frame with a larger difference
-    /// than 1e-3 still passes if HDR-FLIP sees almost no difference.
+    /// The largest relative difference that a pixel may have: `1e-3`. Without this key, a larger difference than 1e-3
+    /// still passes if HDR-FLIP sees almost no difference.
     pub(crate) tolerance: Option<Relative>,
     /// Paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]

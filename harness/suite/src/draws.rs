@@ -95,8 +95,8 @@ impl Declared {
         Some(folder.join(self.mesh.as_ref()?))
     }
 
-    /// Makes the draw. `lacks` is `true` if one of the frame's functions doesn't exist. Then this method doesn't read the
-    /// mesh, because the frame's check reports the missing function.
+    /// Makes the draw. `lacks` is `true` if one of the frame's functions doesn't exist. Then this method doesn't read
+    /// the mesh, because the frame's check reports the missing function.
     pub(crate) fn draw(
         &self,
         program: &Arc<Program>,
