@@ -1,5 +1,5 @@
 //! Modules as game engines write them: conditions, directives of `naga_oil`, files that include other files, and
-//! preprocessors that Karat doesn't have.
+//! directives of preprocessors that Karat doesn't support.
 
 use insta::assert_snapshot;
 use karat::package::Feature;
@@ -491,7 +491,7 @@ fn a_feature_that_nothing_asks_about_is_an_error() {
     assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"no condition in package `s` or in its imports uses the feature `A`");
 }
 
-/// The error names a preprocessor that Karat doesn't have, and says what to do.
+/// If Karat doesn't support a directive's preprocessor, the error shows the directive and says what to do.
 // Lesson 36
 #[test]
 fn other_preprocessors_are_named() {

@@ -3,7 +3,8 @@
 //! The file is `.karat/failures/<target>/<test>.txt`, beside the package's `Cargo.toml`. It has one line for
 //! each input. An input stays in the file even after it passes, until you delete the file. If the function or
 //! the domain no longer accepts an input, Karat ignores the input and prints a note. `KARAT_FAILURES=off` turns
-//! this memory off. In CI and under an overlay, Karat reads the files but doesn't write them.
+//! this memory off. In CI, and if `KARAT_OVERLAY` is set, Karat reads the files but doesn't write
+//! them.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

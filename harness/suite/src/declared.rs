@@ -123,7 +123,7 @@ pub(crate) struct Declared {
     /// The domain of each argument: `{ x = "0..1", n = "unit_vector" }`.
     #[serde(default)]
     pub(crate) over: BTreeMap<String, Value>,
-    /// A WGSL expression: `"a < b"`. Karat tests only arguments for which the expression is true.
+    /// The condition that arguments must meet, as a WGSL expression: `"a < b"`. Karat tests no other arguments.
     #[serde(rename = "where")]
     pub(crate) filter: Option<String>,
     /// The number of cases. The default is 65536, and fewer for an integral.
@@ -210,8 +210,8 @@ impl TryFrom<Value> for Relative {
     }
 }
 
-/// A list of exactly two elements. Serde would read a longer list into an array type, and silently ignore the further
-/// elements.
+/// A list of exactly two elements. If the type were an array, Serde would accept a longer list, and silently ignore the
+/// other elements.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Vec<T>")]
 pub(crate) struct Pair<T>(pub(crate) [T; 2]);
@@ -256,7 +256,7 @@ impl TryFrom<Value> for NoHazards {
     }
 }
 
-/// A number, `true` or `false`.
+/// The value of an `override`: a number, `true` or `false`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(untagged, expecting = "an override's value is a number, `true` or `false`, without quotes")]
 pub(crate) enum OverrideValue {

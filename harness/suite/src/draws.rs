@@ -38,7 +38,8 @@ pub(crate) struct Declared {
     depth_compare: Option<String>,
     /// Makes the draw write depth: `true`.
     depth_write: Option<bool>,
-    /// The blending with the colours in the frame: `"replace"`, `"add"`, `"alpha"`, `"premultiplied"` or `"multiply"`.
+    /// The operation that blends the draw's colours with the colours in the frame: `"replace"`, `"add"`, `"alpha"`,
+    /// `"premultiplied"` or `"multiply"`.
     blend: Option<String>,
 }
 
