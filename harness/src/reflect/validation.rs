@@ -198,7 +198,7 @@ impl Program {
     }
 }
 
-/// Validates a whole module. `linked` is a program that Karat linked from the module or from a part of the module.
+/// Validates a whole module. If `linked` contains only a part of the module, Karat links the whole module again.
 pub(crate) fn validate(
     package: &Package,
     module: &str,
