@@ -12,7 +12,7 @@
 #[doc(inline)]
 pub use karat_core::{diagnostic, output, settings, stats};
 
-/// Checks of functions whose types are known at run time, and tests in WGSL.
+/// Checks of functions whose types are known only at run time, and tests in WGSL.
 pub mod check {
     pub use crate::check::cause::cause_of;
     pub use crate::check::condition::Condition;
@@ -37,7 +37,7 @@ pub mod dispatch {
     pub use crate::dispatch::*;
 }
 
-/// Runs of other programs for their output, and the time limit for such a run.
+/// A function that runs another program and returns its output, and a time limit for such a run.
 pub mod process {
     pub use karat_core::lines::{LOOK_UP, output};
 }
@@ -55,7 +55,7 @@ pub mod draw {
     pub use crate::draw::drawing::{Drawing, Source};
 }
 
-/// The trait of everything that runs shaders, and a server for programs that run jobs.
+/// The trait `Executor` for everything that runs shaders, and a server for programs that run jobs.
 pub mod executor {
     pub use crate::executor::*;
 }
@@ -192,7 +192,7 @@ pub mod trace {
     pub use crate::interpret::trace::{Step, Value, trace};
 }
 
-/// Types of values, and texts of values that are `u32` words.
+/// Types of values, and functions that write values as text.
 pub mod value {
     pub use karat_core::value::{
         Arguments, Differing, Mirror, Quad, Reference, Scalar, Shape, format_f32, format_lane,

@@ -99,7 +99,7 @@ impl Names {
         }
     }
 
-    /// Records paths in the arguments of a macro, which `syn` doesn't parse: `word :: word`.
+    /// Records the paths in a macro's arguments, such as `golden :: place`. `syn` returns the arguments as tokens.
     fn tokens(&mut self, text: &str) {
         let text = text.replace(" :: ", "::");
         let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));

@@ -1,5 +1,5 @@
 //! Modules as game engines write them: conditions, directives of `naga_oil`, files that include other files, and
-//! preprocessors that Karat doesn't have.
+//! directives of preprocessors that Karat doesn't support.
 
 use insta::assert_snapshot;
 use karat::package::Feature;
@@ -491,7 +491,7 @@ fn a_feature_that_nothing_asks_about_is_an_error() {
     assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"no condition in package `s` or in its imports uses the feature `A`");
 }
 
-/// The error names a preprocessor that Karat doesn't have, and says what to do.
+/// If Karat doesn't support a directive's preprocessor, the error shows the directive and says what to do.
 // Lesson 36
 #[test]
 fn other_preprocessors_are_named() {
@@ -600,7 +600,7 @@ fn karat_toml_below_the_package_is_an_error() {
     );
 }
 
-/// `karat.toml` names the program that expands the folder's modules, and the folder's features.
+/// `karat.toml` names a program that preprocesses the folder's modules, and sets the folder's features.
 // Lesson 36
 #[test]
 #[cfg(unix)]
@@ -747,8 +747,8 @@ fn the_syntax_of_naga_oil_is_accepted() {
 }
 
 /// Old shaders of Bevy use this syntax of the first `naga_oil`: imported names after a blank, imports of a name that
-/// the module declares itself, unused imports of missing modules, and two files with the same path, one of which
-/// declares the name.
+/// the module declares itself, and unused imports of missing modules. Two files may also have the same path, if only
+/// one of them declares the imported name.
 // Lesson 36
 #[test]
 fn the_first_import_syntax_of_naga_oil_is_accepted() {

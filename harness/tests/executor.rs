@@ -37,7 +37,7 @@ impl Executor for Fake {
         Adapter { path, name, driver: String::new(), software: true }
     }
 
-    /// Draws one colour: half of the factor.
+    /// Draws an image of one grey: half of [`Fake::factor`].
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         assert_eq!((drawing.module(), drawing.fixtures().len()), ("", 0));
         let (width, height) = drawing.size();

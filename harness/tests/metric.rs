@@ -102,8 +102,8 @@ fn flip_values_equal_those_of_the_published_implementation() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// For each pixel, Karat and the program of FLIP's authors report the same exposure. Karat also tries exposures outside
-/// of the given range. If one of them shows a larger error, Karat reports that exposure.
+/// For each pixel, Karat and the program of FLIP's authors report the same exposure, with one exception. Karat also
+/// tries exposures outside of the range in [`CASES`]. If one of them shows a larger error, Karat reports that exposure.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;

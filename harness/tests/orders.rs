@@ -174,7 +174,7 @@ fn tests_nearly_always_find_outcomes_of_unusual_orders() {
     assert!(found >= LEAST, "{found} of {tried}");
 }
 
-/// A test that forbids an impossible outcome passes, although the engine may delay stores.
+/// A test that forbids an impossible outcome passes, even in orders in which the engine delays stores.
 // Lesson 217: outcomes that no device has
 #[test]
 fn outcomes_of_no_order_are_never_met() {

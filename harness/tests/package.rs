@@ -405,8 +405,8 @@ fn a_package_of_tests_alone_is_valid() {
     assert!(nothing.expect_err("nothing").to_string().contains("no entry point and no test"));
 }
 
-/// The path of a module's file gives the module's name. A symbolic link to a folder of the same package gives its
-/// modules no second name.
+/// The path of a module's file gives the module's name. A symbolic link to a folder of the same package doesn't
+/// give the folder's modules a second name.
 // Lesson 188
 #[cfg(unix)]
 #[test]

@@ -75,7 +75,7 @@ fn rounds_of_all_loops_of_an_invocation_are_added() {
 }
 
 /// The driver counts an iteration for a loop each time that the code around the loop runs, even if no case enters the
-/// loop. So the driver leaves the other loops of the function after fewer iterations.
+/// loop. So the driver reaches its limit earlier, and leaves the loops that a case does enter after fewer iterations.
 // Lesson 55
 #[test]
 fn loops_that_are_never_entered_count() {
@@ -106,8 +106,8 @@ fn loops_that_are_never_entered_count() {
     counts("before", 65_000, &[65_535, 131_072]);
 }
 
-/// The driver runs several invocations in one vector, and one counter adds up their iterations. Karat still gives each
-/// case the results that the case has alone.
+/// The driver runs several invocations in one vector, and one counter adds up their iterations. Karat still returns
+/// the right result for each case.
 // Lesson 55
 #[test]
 fn a_loop_is_not_stopped_by_the_rounds_of_other_invocations() {

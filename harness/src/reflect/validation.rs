@@ -22,8 +22,8 @@ pub struct Validated {
     /// The number of functions with `@test`. Validation doesn't check these functions, but only counts them. Karat
     /// validates a test when the test runs.
     pub tests: usize,
-    /// Tint's verdict, and the verdict that follows from WebGPU's limits. A module of a valid package may fail here, if
-    /// `karat.toml` doesn't require this verdict.
+    /// Tint's verdict, and the verdict that follows from WebGPU's limits. If `karat.toml` doesn't require these
+    /// verdicts, a package is valid even if they reject one of its modules.
     pub opinion: Opinion,
 }
 
@@ -198,7 +198,7 @@ impl Program {
     }
 }
 
-/// Validates a whole module. `linked` is a program that Karat linked from the module or from a part of the module.
+/// Validates a whole module. If `linked` contains only a part of the module, Karat links the whole module again.
 pub(crate) fn validate(
     package: &Package,
     module: &str,

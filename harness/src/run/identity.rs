@@ -17,7 +17,7 @@ pub enum NotBegun {
     /// An environment variable has a value that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// `KARAT_CASE` selects another check, and Karat doesn't know to which test this check belongs.
+    /// The check runs in a thread without a name, and isn't the check that `KARAT_CASE` selects.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
 }
@@ -86,7 +86,7 @@ impl Identity {
         Some(self.selected(function, check)?.case)
     }
 
-    /// The way to pass arguments, such as a storage buffer, that `KARAT_CASE` names for this check. `None` if
+    /// Reads from `KARAT_CASE` how this check passes its arguments: in a storage buffer, for example. `None` if
     /// `KARAT_CASE` doesn't name this check.
     pub(crate) fn inputs(&self, function: &str, check: &str) -> Option<Inputs> {
         let named = self.settings.case.as_ref()?.check.as_ref()?;

@@ -185,9 +185,9 @@ impl KnownIssues {
     /// Judges each path, and combines the verdict with the path's declaration. A failure on one path doesn't
     /// stop the other paths. Functions, frames and compute passes have the same rules:
     ///
-    /// - `fails_on` is about values. At least one value on the path must be wrong, unless a replay selects a
-    ///   single case. NaN and infinities are values.
-    /// - `refused_on` is about a path that refuses the program before any part of the program runs.
+    /// - `fails_on` declares wrong values. At least one value on the path must be wrong, unless a replay selects a
+    ///   single case. NaN and infinities count as values.
+    /// - `refused_on` declares that a path refuses the program before any part of the program runs.
     /// - If a path stops for any other reason, that is an error even with a declaration, because the path has
     ///   no values.
     ///

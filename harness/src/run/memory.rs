@@ -1,9 +1,10 @@
-//! Stores the inputs on which a test has failed in a file. The test's next runs try these inputs first.
+//! A file that stores the inputs on which a test has failed. The test's next runs try these inputs first.
 //!
 //! The file is `.karat/failures/<target>/<test>.txt`, beside the package's `Cargo.toml`. It has one line for
 //! each input. An input stays in the file even after it passes, until you delete the file. If the function or
 //! the domain no longer accepts an input, Karat ignores the input and prints a note. `KARAT_FAILURES=off` turns
-//! this memory off. In CI and under an overlay, Karat reads the files but doesn't write them.
+//! this memory off. In CI, and if `KARAT_OVERLAY` is set, Karat reads the files but doesn't write
+//! them.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -33,12 +34,11 @@ pub(crate) struct Entry {
     pub(crate) check: String,
     /// The first path on which the input failed. Karat tries the input on every path.
     pub(crate) path: String,
-    /// The words of the arguments. Empty for a check of an integral, because the cases of such a check may have any
-    /// type.
+    /// The words of the arguments. Empty for a check of an integral: Karat makes its cases again from their origin.
     pub(crate) words: Vec<u32>,
-    /// The origin of the value. Some domains, such as mapped domains, can't tell if they contain a value. For such a
-    /// domain, Karat makes the value again from its origin. If the new value differs from the stored value, Karat
-    /// ignores the input.
+    /// The origin of the input. Some domains, such as mapped domains, can't tell if they contain a value. For such a
+    /// domain, Karat makes the input again from its origin. If the new input differs from the stored input, Karat
+    /// ignores the stored input.
     pub(crate) descent: Descent,
     /// The arguments, as text for people.
     pub(crate) comment: String,

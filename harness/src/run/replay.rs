@@ -21,12 +21,12 @@ thread_local! {
 struct Replay {
     /// The checks that ran, as `function/check`, without duplicates.
     checks: Vec<String>,
-    /// `true` if the selected case ran, or if the test fails for another reason.
+    /// `true` if the selected case ran, or if a check has already made the test fail.
     done: bool,
 }
 
-/// `KARAT_CASE` selects another check, and this check runs in a thread without a name. So Karat doesn't know to which
-/// test this check belongs.
+/// The error for a check that `KARAT_CASE` doesn't select, and that runs in a thread without a name. Karat can't tell
+/// which test runs such a check.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so Karat can't \
@@ -68,7 +68,7 @@ pub(crate) fn begin_frame(name: &str) -> Result<(), NotBegun> {
     Ok(begin(settings::current()?, &format!("frame {name}"))?)
 }
 
-/// Notes that the selected case runs, or that the test fails for another reason.
+/// Notes that the selected case runs, or that a check has already made the test fail.
 pub(crate) fn done() {
     REPLAY.with_borrow_mut(|replay| replay.done = true);
 }

@@ -68,8 +68,8 @@ pub(crate) fn reported<T: Passed, E: Fails>(
     result
 }
 
-/// Records that the running test couldn't begin, because its declaration is wrong. No check ran. The location
-/// in `subject` is the place of the error.
+/// Records that a test couldn't begin, because its declaration is wrong. No check ran. The location in `subject` is the
+/// place of the error.
 ///
 /// `message` is the whole error message, and `headline` is its first sentence.
 pub fn record_unbegun(subject: Subject, headline: &str, message: &str) {

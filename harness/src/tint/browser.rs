@@ -146,7 +146,7 @@ impl Page {
     }
 }
 
-/// Checks if the user is root. On Linux, root must run Chromium without a sandbox. Karat can do this, because Chromium
+/// Checks if the user is root. On Linux, root must run Chromium without a sandbox. This is safe, because Chromium
 /// evaluates only Karat's code.
 #[cfg(target_os = "linux")]
 fn is_root() -> bool {

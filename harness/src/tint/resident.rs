@@ -12,8 +12,8 @@ use super::{JUDGE, LONGEST, NoVerdict, Question};
 use crate::lines::{Answers, Broken, Lines};
 use crate::settings;
 
-/// The time limit for starting the process. On a busy machine Chromium takes some seconds, and from a cold disk it took
-/// 18 s.
+/// The time limit for starting the process. On a busy machine, Chromium takes some seconds to
+/// start. Once, with no files in the disk cache, the start took 18 s.
 const START: Duration = Duration::from_secs(45);
 /// The time limit for one text, unless KARAT_TIMEOUT is lower. A text usually takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);

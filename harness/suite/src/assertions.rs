@@ -132,8 +132,8 @@ impl What {
     }
 }
 
-/// The keys that only some assertions accept, each with these assertions. An integral with `at_most` has a `slack` and
-/// no tolerance.
+/// The keys that only some assertions accept, each with the assertions that accept it. An integral with `at_most` has a
+/// `slack` and no tolerance.
 const TAKEN: [(&str, &[&str]); 8] = [
     ("over", &DRAWN),
     ("where", &DRAWN),

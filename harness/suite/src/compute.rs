@@ -103,7 +103,7 @@ impl TryFrom<Value> for Workgroups {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {
-    /// Asserts that the resource has this value. One number is the value of each component.
+    /// Asserts that the resource has this value. A single number is the value of each component.
     equals: Option<Value>,
     /// Asserts that the elements equal the rows of this CSV file. Its columns are `x,y,z`, or `value`.
     table: Option<PathBuf>,
@@ -156,7 +156,7 @@ pub(crate) struct Assertion {
     pub(crate) keys: Keys,
 }
 
-/// Returns an error for a hazard kind that Karat doesn't check in passes, because its assertion could never fail.
+/// Returns an error for a hazard kind that `no_hazards` doesn't check in passes, because such an assertion never fails.
 fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
     let wrong = |why: &str| Err(Misdeclared::of("no_hazards")(format!("{}: {why}", kind.name())));
     match kind {

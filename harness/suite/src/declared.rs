@@ -22,7 +22,7 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
-//! A frame is drawn by a `fragment` function, which covers the frame, or by a `vertex` and a `fragment` function.
+//! A `fragment` function alone draws every pixel of the frame. With a `vertex` function, a frame draws triangles.
 //! `draws` makes several draws. Each draw has its own functions, a `mesh` (a table of vertices) or a number of
 //! `vertices`, and state (`depth_compare`, `blend`). A frame may set `samples`, `formats` (one format for each
 //! location, such as `"float"` and `"rgba8unorm-srgb"`), the compared target (`target = 1`, or `depth = true`),
@@ -75,9 +75,9 @@
 //! | `written = true` | the invocations write each element of the buffer, or each texel of the texture |
 //! | `in_range = [0, 1]`, `finite = true` | each component is in the range; each component is finite |
 //!
-//! `no_hazards = true`, or a list of kinds, beside `entry` asserts that no operation in the passes gives NaN or an
-//! infinity, or divides by 0. Without a `tolerance`, numbers are compared exactly. The sanitizer checks the passes of
-//! each test.
+//! Beside `entry`, `no_hazards = true` asserts that no operation in the passes has a hazard, such as NaN or a division
+//! by 0. A list asserts this for some kinds of hazards. Without a `tolerance`, numbers are compared exactly. The
+//! sanitizer checks the passes of each test.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -123,7 +123,7 @@ pub(crate) struct Declared {
     /// The domain of each argument: `{ x = "0..1", n = "unit_vector" }`.
     #[serde(default)]
     pub(crate) over: BTreeMap<String, Value>,
-    /// A WGSL expression: `"a < b"`. Karat tests only arguments for which the expression is true.
+    /// The condition that arguments must meet, as a WGSL expression: `"a < b"`. Karat tests no other arguments.
     #[serde(rename = "where")]
     pub(crate) filter: Option<String>,
     /// The number of cases. The default is 65536, and fewer for an integral.
@@ -180,12 +180,12 @@ pub(crate) struct Declared {
     /// Asserts that no operation in the function has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`.
     /// The function must not write storage.
     no_hazards: Option<NoHazards>,
-    /// Hazards that `no_hazards` accepts: operations, each with the reason.
+    /// Operations whose hazards `no_hazards` accepts, each with the reason: `{ "1.0 / x" = "x isn't 0" }`.
     #[serde(default)]
     pub(crate) accept_hazard: BTreeMap<String, String>,
 }
 
-/// The largest relative difference that a pixel may have: `1e-3`, or `"rel 1e-3"` as in verdicts.
+/// The largest relative difference that a pixel may have: `1e-3` or `"rel 1e-3"`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct Relative(pub(crate) f32);
@@ -210,8 +210,8 @@ impl TryFrom<Value> for Relative {
     }
 }
 
-/// A list of exactly two elements. Serde would read a longer list into an array type, and silently ignore the further
-/// elements.
+/// A list of exactly two elements. If the type were an array, Serde would accept a longer list, and silently ignore the
+/// other elements.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Vec<T>")]
 pub(crate) struct Pair<T>(pub(crate) [T; 2]);
@@ -256,7 +256,7 @@ impl TryFrom<Value> for NoHazards {
     }
 }
 
-/// A number, `true` or `false`.
+/// The value of an `override`: a number, `true` or `false`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(untagged, expecting = "an override's value is a number, `true` or `false`, without quotes")]
 pub(crate) enum OverrideValue {
@@ -338,8 +338,8 @@ pub(crate) struct Frame {
     /// The values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// The largest relative difference that a pixel may have: `1e-3`. By default, HDR-FLIP may pass a pixel with a
-    /// larger difference.
+    /// The largest relative difference that a pixel may have: `1e-3`. Without this key, a larger difference than 1e-3
+    /// still passes if HDR-FLIP sees almost no difference.
     pub(crate) tolerance: Option<Relative>,
     /// Paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]

@@ -27,7 +27,8 @@ pub(crate) struct Declared {
     mesh: Option<PathBuf>,
     /// The vertices of each triangle, as row numbers from 0. By default, every three rows are a triangle.
     indices: Option<Vec<u32>>,
-    /// The number of vertices without a mesh; the function reads `@builtin(vertex_index)`. The default is 3.
+    /// The number of vertices of a draw without a mesh. The vertex function reads `@builtin(vertex_index)`. The default
+    /// is 3.
     vertices: Option<u32>,
     /// The number of instances. The default is 1.
     instances: Option<u32>,
@@ -37,7 +38,8 @@ pub(crate) struct Declared {
     depth_compare: Option<String>,
     /// Makes the draw write depth: `true`.
     depth_write: Option<bool>,
-    /// The blending with the colours in the frame: `"replace"`, `"add"`, `"alpha"`, `"premultiplied"` or `"multiply"`.
+    /// The operation that blends the draw's colours with the colours in the frame: `"replace"`, `"add"`, `"alpha"`,
+    /// `"premultiplied"` or `"multiply"`.
     blend: Option<String>,
 }
 
@@ -94,8 +96,8 @@ impl Declared {
         Some(folder.join(self.mesh.as_ref()?))
     }
 
-    /// Makes the draw. If the program `lacks` one of the draw's functions, this method doesn't read the mesh, and the
-    /// error comes later, from the draw.
+    /// Makes the draw. `lacks` is `true` if one of the frame's functions doesn't exist. Then this method doesn't read
+    /// the mesh, because the frame's check reports the missing function.
     pub(crate) fn draw(
         &self,
         program: &Arc<Program>,

@@ -110,7 +110,7 @@ fn values(table: &toml::Table) -> Vec<&Value> {
     table.iter().filter(|(key, _)| *key != "range").map(|(_, value)| value).collect()
 }
 
-/// Adds the files that a test's `with` names to `all`.
+/// Adds to `all` the files that occur in a test's `with`.
 fn named<'v>(
     with: impl IntoIterator<Item = &'v Value>,
     folder: &Path,

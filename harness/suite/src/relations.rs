@@ -40,7 +40,7 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     })
 }
 
-/// Restricts `domain`, so that vectors are perpendicular to other vectors where `over` has `perpendicular_to`.
+/// Restricts `domain`: a vector with `perpendicular_to` in `over` becomes perpendicular to the named vectors.
 pub(crate) fn related(
     domain: Dynamic,
     parameters: &[(String, Shape)],

@@ -1,7 +1,7 @@
 //! The rows of CSV tables, the columns in a table's head, and the comments above the head.
 //!
-//! A line above the head that begins with `#` is a comment. Below the head, a line that begins with `#` is an error,
-//! because it may be a row. Karat would never compare a row that looks like a comment.
+//! A line above the head that begins with `#` is a comment. Below the head, a line that begins with `#` is an error. If
+//! Karat took such a line for a comment, but the author meant a row, Karat would never compare the row.
 
 use karat::unstable::diagnostic::nearest;
 

@@ -315,8 +315,8 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdecla
     Ok(check.cases(test.cases.unwrap_or(CASES)).try_expects())
 }
 
-/// The default number of cases for a WGSL test with parameters. The number is small because the shader reports the
-/// failed expectations of each case.
+/// The default number of cases for a WGSL test with parameters. The number is small, because for each case
+/// the shader also has to report the failed expectations.
 const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
@@ -669,8 +669,7 @@ fn bound(
     Ok(all)
 }
 
-/// A frame, or its error. If one of the frame's functions doesn't exist, the first element of the tuple is the key that
-/// names the function.
+/// The key that names a missing function, if one of the frame's functions doesn't exist; and the frame, or its error.
 type Drawn<'p> = (Option<String>, Result<karat::Frame<'p>, FrameError>);
 
 impl Suite {

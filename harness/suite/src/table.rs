@@ -135,8 +135,8 @@ fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// The last line of an error message: the position of a row in a table's file. `row` is the row's number, counted from
-/// 0. `None` if the file has no such row.
+/// The last line of an error message: the position of a row in a table's file. The first `row` is 0. `None` if the file
+/// has no such row.
 pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;

@@ -89,8 +89,8 @@ impl Wrong {
     }
 }
 
-/// Makes a test's error from the failure of the test's check. The error's position is the shader's line in the message.
-/// If the message has no such line, the position is that of the test's key that caused the failure.
+/// Makes a test's error from the failure of the test's check. If the failure blames the shader's text, the error's
+/// position is in the shader. If the failure blames a key of the test, the error has the key's position.
 pub(crate) fn blamed(
     failure: &impl Fails,
     key_of_entry: &dyn Fn(&str) -> Option<String>,

@@ -27,8 +27,8 @@ fn files(folder: &Path) -> Vec<String> {
 /// The environment variable with the folder into which the child process of `a_full_disk_leaves_the_old_file` writes.
 const PLACE: &str = "KARAT_TEST_FULL_DISK";
 
-/// The child process of `a_full_disk_leaves_the_old_file` runs this test. In this process, no file may grow beyond 8 or
-/// 16 KB.
+/// The child process of `a_full_disk_leaves_the_old_file` runs this test. In this process, no file can grow beyond
+/// 16 of the shell's blocks, which is 8 KB or 16 KB.
 #[cfg(target_os = "linux")]
 #[test]
 fn child_on_a_full_disk() {

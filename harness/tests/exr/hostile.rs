@@ -27,7 +27,7 @@ const TIMES: u64 = 4;
 struct Random(u64);
 
 impl Random {
-    /// SplitMix64, Steele et al. 2014.
+    /// Returns the next number of SplitMix64 (Steele et al. 2014).
     fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
