@@ -41,7 +41,7 @@ fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
         .map(|(l, weight)| (l.as_vec3(), weight * l.z))
 }
 
-/// For the integral in a white furnace: the arguments of a BRDF with a white `f0`, and their weights.
+/// The arguments of a BRDF with a white `f0`, with weights for the integral in a white furnace.
 fn white(&(alpha, v): &(f32, Vec3)) -> Vec<((Vec3, f32, Vec3, Vec3), f64)> {
     lights(alpha, v).map(|(l, weight)| ((Vec3::ONE, alpha, v, l), weight)).collect()
 }
