@@ -206,9 +206,9 @@ pub fn linear(n: DVec3, mean: f64, gradient: DVec3) -> f64 {
     mean + 2.0 / 3.0 * gradient.dot(n)
 }
 
-/// Computes E / pi for the radiance max(0, axis . d) from each direction d. With the angle gamma between normal and axis,
-/// the result is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two clamped
-/// cosines is the arc-cosine kernel of order 1, eq. 6.
+/// Computes E / pi for the radiance max(0, axis . d) from each direction d. With the angle gamma between normal and
+/// axis, the result is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two
+/// clamped cosines is the arc-cosine kernel of order 1, eq. 6.
 #[must_use]
 pub fn cosine_lobe(n: DVec3, axis: DVec3) -> f64 {
     let gamma = n.cross(axis).length().atan2(n.dot(axis));

@@ -31,7 +31,7 @@ pub fn radiance_from_irradiance(irradiance: f64, solid_angle: f64, cos_theta: f6
 
 /// Computes the integral of L cos over a cap around the normal: pi L (1 - cos(2 half_angle)) / 2.
 ///
-/// `half_angle` is in 0..=pi/2. [`versine`] computes 1 - cos(2 half_angle) without losing digits.
+/// `half_angle` is in 0..=pi/2. The function computes 1 - cos(2 half_angle) without cancellation.
 #[must_use]
 pub fn irradiance_from_cap(radiance: f64, half_angle: f64) -> f64 {
     PI * radiance * versine(2.0 * half_angle) / 2.0

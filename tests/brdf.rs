@@ -463,8 +463,8 @@ fn cook_torrance_in_a_furnace() {
     );
 }
 
-/// Triples of exponent, f0 and view. The exponents go from 0, which gives no lobe, to 1e6, the narrowest lobe. f0 goes from
-/// 0 to 1.
+/// Triples of exponent, f0 and view. The exponents go from 0, which gives no lobe, to 1e6, the narrowest lobe. f0 goes
+/// from 0 to 1.
 fn tri_ace_views() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     let exponents = vec![0.0_f32, 1.0, 10.0, 100.0, 1e4, 1e6];
     let angles = vec![0.0_f32, 30.0, 60.0, 75.0, 80.4, 85.0, 89.0];

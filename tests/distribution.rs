@@ -12,8 +12,8 @@ const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 const VANISHED: Abs = Abs(1e-30);
 
 /// The tolerance for lobes with an exponential. WGSL allows exp(x) an error of 3 + 2 |x| ulp. The error of x, from a
-/// division of 2.5 ulp and two products, adds 5 |x| ulp. The shader returns 0 for x <= -87, so both errors together are at most 612 ulp. With the errors of the
-/// other factors, the result stays within 640 ulp, or 7.6e-5.
+/// division of 2.5 ulp and two products, adds 5 |x| ulp. The shader returns 0 for x <= -87, so both errors together are
+/// at most 612 ulp. With the errors of the other factors, the result stays within 640 ulp, or 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
 /// Pairs of a normal and a half vector on the normal's side of the surface. Some half vectors are close to the normal,
@@ -111,9 +111,9 @@ fn cosines_that_round_above_one() {
     );
 }
 
-/// For each exponent, the function treats a cosine just above 1 like the cosine that is equally far below 1. If the cosine
-/// is 1 + d, where d is at most 1e-6, tan^2 of half the angle has a relative error of d. The lobe is exp(-x) with x up to
-/// 87, so this error adds up to 9e-5 to the error of the exponential.
+/// For each exponent, the function treats a cosine just above 1 like the cosine that is equally far below 1. If the
+/// cosine is 1 + d, where d is at most 1e-6, tan^2 of half the angle has a relative error of d. The lobe is exp(-x)
+/// with x up to 87, so this error adds up to 9e-5 to the error of the exponential.
 // Lesson 31
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {

@@ -168,7 +168,7 @@ fn stored_irradiance_is_already_divided_by_pi() {
     }
 }
 
-/// Mistake E19: a parenthesis is missing in the HLSL of the article: `return float4( PI * sampledColour / index), 1 );`.
+/// Mistake E19: a parenthesis is missing in the article's shader: `return float4( PI * sampledColour / index), 1 );`.
 /// The test contains this line, translated to WGSL.
 #[test]
 fn an_unbalanced_parenthesis_is_shown_where_it_is() {

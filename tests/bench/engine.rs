@@ -99,7 +99,8 @@ const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
         sums[id.x] = sum + atomicAdd(&tickets, 1u);
     }";
 
-/// The time of the sanitizer on a pass, and the time of a whole check of the pass, each divided by the time of a plain run.
+/// The time of a pass with the sanitizer, and the time of a whole check of the pass, each divided by the time of a
+/// plain run.
 fn passes() -> [f64; 2] {
     const WORDS: u32 = 1 << 16;
     let package = Package::from_source("tiles", TILES);
