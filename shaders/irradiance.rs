@@ -175,9 +175,9 @@ pub fn sh_irradiance(coefficients: Coefficients<DVec3>, n: DVec3) -> DVec3 {
     terms.map(|(((l, _), light), basis)| FRAC_1_PI * cosine_coefficient(*l) * light * basis).sum()
 }
 
-/// Computes A_l, the factor by which a clamped cosine scales band `l` of the light. Ramamoorthi and Hanrahan 2001, eq.
-/// 8: pi, 2 pi / 3 and pi / 4 for bands 0 to 2. For higher odd l, A_l is 0. For even l, A_l is 2 pi (-1)^(l/2 - 1) /
-/// ((l + 2) (l - 1)) l! / (2^l (l/2)!^2).
+/// Computes A_l, the factor by which a clamped cosine scales band `l` of the light, by Ramamoorthi and Hanrahan 2001,
+/// eq. 8. For bands 0 to 2, A_l is pi, 2 pi / 3 and pi / 4. For higher odd l, A_l is 0. For even l, A_l is 2 pi
+/// (-1)^(l/2 - 1) / ((l + 2) (l - 1)) l! / (2^l (l/2)!^2).
 #[must_use]
 pub fn cosine_coefficient(l: u32) -> f64 {
     match l {

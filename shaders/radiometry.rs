@@ -88,7 +88,7 @@ pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
 
 /// Computes the exact solid angle of a cube map's texel. The part of the face z = 1 between the origin and (x, y) has
 /// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). The solid angle of a texel is the second difference of this
-/// function.
+/// arctangent.
 ///
 /// The function subtracts arctangents of up to 0.52, so digits cancel. If a face is 4096 texels wide, a texel has about
 /// 2e-7 sr, and 8 digits of the result are right.

@@ -32,8 +32,8 @@ fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
         })
 }
 
-/// Squaring the quotient doubles the 2.5 ulp of its division and the rounding errors of its numerator and denominator.
-/// Two other products are rounded, too.
+/// D of GGX contains a squared quotient. Squaring doubles the 2.5 ulp of the division and the rounding errors of
+/// numerator and denominator. Two other products are rounded, too.
 #[test]
 fn ggx() {
     PBR.function("distribution::ggx")
@@ -112,8 +112,8 @@ fn cosines_that_round_above_one() {
 }
 
 /// For each exponent, the function treats a cosine just above 1 like the cosine that is equally far below 1. If the
-/// cosine is 1 + d, where d is at most 1e-6, tan^2 of half the angle has a relative error of d. The lobe is exp(-x)
-/// with x up to 87, so this error adds up to 9e-5 to the error of the exponential.
+/// cosine is 1 + d, where d is at most 1e-6, tan^2 of half the angle has a relative error of d. The lobe contains
+/// exp(-x) with x up to 87, so this error adds up to 9e-5 to the error of the exponential.
 // Lesson 31
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {

@@ -154,7 +154,7 @@ fn where_wgsl_allows_too_much_another_tolerance_holds() {
     check(coarse, |x| 9.0 * x * x, Spec.needing(Rel(0.5))).expect("it is that close");
 }
 
-/// If `Spec` can't judge any case, the author must name another tolerance.
+/// A check is an error if WGSL's accuracy gives `Spec` no bound for any of the cases.
 // Lesson 90
 #[test]
 fn a_specification_that_judges_nothing_is_an_error() {

@@ -109,7 +109,7 @@ fn tri_ace(
     (UnitRgb, reflectance(), exponent, above(), above())
 }
 
-/// Mistake E10: the result is infinite at n = 2. At n = 4 the highlight is the right highlight times -7/8, and at n =
+/// Mistake E10: the result is infinite at n = 2. At n = 4 the highlight is the correct highlight times -7/8, and at n =
 /// 100 the highlight is nearly 0.
 #[test]
 fn tri_ace_s_printed_normalisation_has_a_pole() {
@@ -143,7 +143,7 @@ fn tri_ace_s_printed_normalisation_has_a_pole() {
     );
 }
 
-/// Mistake E11: a black surface has no highlight. On a white surface, the highlight is the right highlight divided by
+/// Mistake E11: a black surface has no highlight. On a white surface, the highlight is the correct highlight divided by
 /// pi.
 #[test]
 fn tri_ace_s_printed_bracket_takes_the_highlight() {

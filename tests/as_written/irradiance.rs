@@ -151,7 +151,7 @@ fn a_lambertian_looks_the_same_from_everywhere() {
     floor(Vec3::Z).agrees_with(below, filter);
 }
 
-/// Mistake E8: the result is the right radiance divided by pi.
+/// Mistake E8: the result is the correct radiance divided by pi.
 #[test]
 fn stored_irradiance_is_already_divided_by_pi() {
     let white = || PBR.function("as_written::irradiance::lambert").over((UnitRgb, Just(Vec3::ONE)));

@@ -8,7 +8,7 @@ use shaders::{PBR, fresnel, sampling};
 
 use super::{STARTS, Spread, spawn};
 
-/// The number of checks that a child process runs, as for a small library. `CHECKS` is the number for a large library.
+/// The number of checks that a child process runs to represent a small library. [`CHECKS`] represents a large library.
 const FEW: usize = 10;
 const CHECKS: usize = 110;
 

@@ -44,8 +44,8 @@ fn with_hole(image: &Image) -> Image {
     changed
 }
 
-/// Compares a frame that differs from its golden everywhere, to measure peak memory: both images, and the data of FLIP
-/// for all pixels.
+/// Compares a frame that differs from its golden everywhere. The process then reaches its peak memory, with both images
+/// and the data of FLIP for all pixels.
 pub(super) fn compare_one() {
     let golden = golden();
     let actual = scaled(&golden, 1.01);
