@@ -202,7 +202,8 @@ fn above_horizon(v: DVec3, l: DVec3) -> bool {
     v.z > 0.0 && l.z > 0.0
 }
 
-/// The mean of V.H and L.H, which are equal for unit vectors.
+/// Computes V.H, which equals L.H for unit vectors. The function returns the mean of both, so that the result stays
+/// exactly the same if `v` and `l` are exchanged.
 fn v_dot_h(v: DVec3, l: DVec3) -> f64 {
     (v + l).normalize().dot(v + l) / 2.0
 }

@@ -62,8 +62,8 @@ fn ggx_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     alpha * alpha / (PI * cos.powi(4) * (alpha * alpha + tan2).powi(2))
 }
 
-/// The density of slopes, divided by cos^4. Where the exponential is below 1e-300, the function returns 0, because the
-/// quotient is 0 / 0 at the horizon.
+/// The density of slopes, divided by cos^4. Where the exponential is below 2e-300, the function returns 0. Without this
+/// limit, the result would be 0 / 0 at the horizon.
 fn beckmann_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     let slope = tan2 / (alpha * alpha);
     if slope > 690.0 {

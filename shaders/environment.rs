@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{DVec2, DVec3, Vec2};
 
-/// Faces in the order of WebGPU's array layers: +X, -X, +Y, -Y, +Z, -Z.
+/// The number of a cube map's faces. They have the order of WebGPU's array layers: +X, -X, +Y, -Y, +Z, -Z.
 pub const FACES: usize = 6;
 
 /// Returns the radiance of a procedural photo studio, in linear RGB, from `direction`. `direction` may have any length

@@ -31,7 +31,7 @@ pub fn dielectric(eta: f64, cos_i: f64) -> f64 {
     0.5 * (r_s * r_s + r_p * r_p)
 }
 
-/// Computes `dielectric` with the complex index m = eta + i k: the mean of |r_s|^2 and |r_p|^2. Pharr et al. 2023
+/// Computes `dielectric` with the complex index m = eta + i k: the mean of |r_s|^2 and |r_p|^2, as in Pharr et al. 2023
 /// (pbrt-v4), section 9.3.6.
 ///
 /// `cos_i` is in 0..=1, eta > 0 and k >= 0. At eta = 1 with k = 0 there is no interface, and the result is 0.
@@ -62,10 +62,10 @@ pub fn schlick_average(f0: DVec3) -> DVec3 {
 /// Computes int F d(cos^2) for `eta` > 0, by quadrature of the exact `dielectric`.
 ///
 /// Beyond the critical angle F is 1. For the rest of the range of cos^2, s goes from 0 to 1, and the function computes
-/// a trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 within a range of cos^2 that is only as wide as
-/// the distance of eta^2 from 1. Thanks to the logarithm, the sum is accurate in such a narrow range, too. The error of
-/// the sum falls as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity of the
-/// integrand is at least pi away from the real axis.
+/// a trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 to almost 0 within a narrow range of cos^2,
+/// about |eta^2 - 1| wide. Thanks to the logarithm, the sum is accurate in this range, too. The error of the sum falls
+/// as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity of the integrand is at
+/// least pi away from the real axis.
 #[must_use]
 pub fn dielectric_average(eta: f64) -> f64 {
     const STEP: f64 = 0.5; // 1e-17

@@ -175,9 +175,9 @@ pub fn sh_irradiance(coefficients: Coefficients<DVec3>, n: DVec3) -> DVec3 {
     terms.map(|(((l, _), light), basis)| FRAC_1_PI * cosine_coefficient(*l) * light * basis).sum()
 }
 
-/// Computes A_l, the factor by which a clamped cosine scales band `l` of the light. Ramamoorthi and Hanrahan 2001, eq.
-/// 8: pi, 2 pi / 3 and pi / 4 for bands 0 to 2. For higher odd l, A_l is 0. For even l, A_l is 2 pi (-1)^(l/2 - 1) /
-/// ((l + 2) (l - 1)) l! / (2^l (l/2)!^2).
+/// Computes A_l, the factor by which a clamped cosine scales band `l` of the light, by Ramamoorthi and Hanrahan 2001,
+/// eq. 8. For bands 0 to 2, A_l is pi, 2 pi / 3 and pi / 4. For higher odd l, A_l is 0. For even l, A_l is 2 pi
+/// (-1)^(l/2 - 1) / ((l + 2) (l - 1)) l! / (2^l (l/2)!^2).
 #[must_use]
 pub fn cosine_coefficient(l: u32) -> f64 {
     match l {
@@ -200,14 +200,13 @@ pub fn lambert(colour: DVec3, irradiance_over_pi: DVec3) -> DVec3 {
     colour * FRAC_1_PI * (irradiance_over_pi * PI)
 }
 
-/// Computes the closed form for an environment with radiance `mean` + `gradient` . d: the result is `mean` + 2/3
-/// `gradient` . n.
+/// Computes E / pi for the radiance `mean` + `gradient` . d from each direction d: `mean` + 2/3 `gradient` . n.
 #[must_use]
 pub fn linear(n: DVec3, mean: f64, gradient: DVec3) -> f64 {
     mean + 2.0 / 3.0 * gradient.dot(n)
 }
 
-/// Computes the closed form for an environment with radiance max(0, axis . d). With the angle gamma between normal and
+/// Computes E / pi for the radiance max(0, axis . d) from each direction d. With the angle gamma between normal and
 /// axis, the result is 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two
 /// clamped cosines is the arc-cosine kernel of order 1, eq. 6.
 #[must_use]

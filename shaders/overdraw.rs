@@ -20,7 +20,7 @@ pub fn from_edge(normal: DVec3) -> f64 {
     above.min(BAND - above).min((above - HOLE).abs())
 }
 
-/// The difference between neighbouring steps of depth. Depths are in 0..=1.
+/// The height of one step of a stepped depth. Depths are in 0..=1.
 pub const STEP: f64 = 1.0 / 16.0;
 
 /// Rounds `depth` down to a whole number of steps.

@@ -32,7 +32,7 @@ pub fn room() -> Room {
     Room { corner: -HALF.as_vec3(), opposite: HALF.as_vec3(), probe: Vec3::ZERO }
 }
 
-/// Returns a camera inside the room, in front of the front wall (+Z), which looks at the back wall.
+/// Returns a camera that stands inside the room at the front wall (+Z), and looks at the back wall.
 #[must_use]
 pub fn camera_setup() -> Setup {
     Setup {

@@ -31,7 +31,7 @@ pub fn radiance_from_irradiance(irradiance: f64, solid_angle: f64, cos_theta: f6
 
 /// Computes the integral of L cos over a cap around the normal: pi L (1 - cos(2 half_angle)) / 2.
 ///
-/// `half_angle` is in 0..=pi/2. The difference is computed as sin^2 / (1 + cos).
+/// `half_angle` is in 0..=pi/2. The function computes 1 - cos(2 half_angle) without cancellation.
 #[must_use]
 pub fn irradiance_from_cap(radiance: f64, half_angle: f64) -> f64 {
     PI * radiance * versine(2.0 * half_angle) / 2.0
@@ -88,7 +88,7 @@ pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
 
 /// Computes the exact solid angle of a cube map's texel. The part of the face z = 1 between the origin and (x, y) has
 /// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). The solid angle of a texel is the second difference of this
-/// function.
+/// arctangent.
 ///
 /// The function subtracts arctangents of up to 0.52, so digits cancel. If a face is 4096 texels wide, a texel has about
 /// 2e-7 sr, and 8 digits of the result are right.

@@ -33,7 +33,7 @@ pub fn cosine_hemisphere_pdf(n_dot_l: f64) -> f64 {
     n_dot_l.max(0.0) / PI
 }
 
-/// Samples a normal as in Walter et al. 2007, eq. 35 and 36: theta = atan(alpha sqrt(u) / sqrt(1 - u)).
+/// Samples a normal as in Walter et al. 2007, eq. 35 and 36: theta = atan(alpha sqrt(u.y) / sqrt(1 - u.y)).
 ///
 /// `alpha` is the GGX width in 0..=1. For alpha = 0, `atan2` gives theta = 0, the surface's normal, for each `u`.
 #[must_use]
@@ -83,7 +83,7 @@ pub fn ggx_visible_normal_pdf(alpha: f64, v: DVec3, h: DVec3) -> f64 {
     seen * v.dot(h).max(0.0) * distribution
 }
 
-/// Samples a normal as in Walter et al. 2007, eq. 28 and 29: theta = atan(sqrt(-alpha^2 ln(1 - u))), for u.y below 1.
+/// Samples a normal as in Walter et al. 2007, eq. 28 and 29: theta = atan(sqrt(-alpha^2 ln(1 - u.y))), for u.y below 1.
 #[must_use]
 pub fn beckmann_normal(alpha: f64, u: DVec2) -> DVec3 {
     let theta = (alpha * minus_log_of_rest(u.y).sqrt()).atan();
@@ -123,7 +123,7 @@ pub fn radical_inverse(i: u32) -> f64 {
         .sum()
 }
 
-/// Returns the point (i / n, radical inverse of i), for i < n. Pharr et al. 2023 (pbrt-v4), section 8.6.1.
+/// Returns the point (i / n, radical inverse of i), for i < n, as in Pharr et al. 2023 (pbrt-v4), section 8.6.1.
 #[must_use]
 pub fn hammersley(i: u32, n: u32) -> DVec2 {
     DVec2::new(f64::from(i) / f64::from(n), radical_inverse(i))

@@ -1,5 +1,5 @@
-//! Rust counterpart of `scene.wgsl`: the spheres, materials and cameras of the frame, and references for its pure
-//! functions.
+//! Rust counterpart of `scene.wgsl`: the spheres, materials and cameras of the frame, and references for the shader's
+//! pure functions.
 
 use std::f64::consts::{PI, TAU};
 

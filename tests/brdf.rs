@@ -206,7 +206,7 @@ fn tri_ace_eval() {
 /// Below 1/2, the function divides x (2.5 ulp) by 1 plus a term of at most 1/12, so the errors of this term hardly
 /// count. From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks
 /// faster than its error grows. The error of the exponential counts 1 / 0.63 times in the difference and 1 / 1.37 times
-/// in the sum: 3.5e-7. The roundings of the difference and of the sum and the division add 4.2e-7.
+/// in the sum: 3.5e-7. The division and the roundings of sum and difference add 4.2e-7.
 // Lesson 32
 #[test]
 fn tanh_of() {
@@ -274,7 +274,7 @@ fn reflectances_are_finite_and_not_negative() {
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
 }
 
-/// One cosine goes down to 1e-18, and the other to the least normal f32, so their product is far below any f32. WGSL
+/// One cosine goes down to 1e-18, and the other to the smallest normal f32, so f32 can't represent their product. WGSL
 /// may flush the numerator of D to 0 if it is below exp(-87). The factor 1 / (4 N.V N.L) multiplies this error. The
 /// test leaves out results above 1e37, near the largest f32.
 // Lesson 31
@@ -463,8 +463,8 @@ fn cook_torrance_in_a_furnace() {
     );
 }
 
-/// Exponent, f0 and view: from the narrowest lobe to exponent 0, which has no lobe, with the smallest and the
-/// largest Fresnel reflectance.
+/// Triples of exponent, f0 and view. The exponents go from 0, which gives no lobe, to 1e6, the narrowest lobe. f0 goes
+/// from 0 to 1.
 fn tri_ace_views() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     let exponents = vec![0.0_f32, 1.0, 10.0, 100.0, 1e4, 1e6];
     let angles = vec![0.0_f32, 30.0, 60.0, 75.0, 80.4, 85.0, 89.0];

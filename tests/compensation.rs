@@ -4,8 +4,8 @@ use glam::{Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, compensation};
 
-/// The scale and the bias of f0 from the split sum's table, each at least 0. Their sum is between 0.1, as for the
-/// roughest metals at grazing angles, and 1.
+/// The scale and the bias of f0 from the split sum's table, each at least 0. Their sum is between 0.1 and 1. For GGX,
+/// the sum is at least 1 - ln 2 = 0.31.
 fn tables() -> impl Domain<Value = Vec2> {
     (0.1..=1.0_f32, 0.0..=1.0_f32).map(|(furnace, bias)| {
         let bias = bias * furnace;
@@ -34,9 +34,9 @@ fn compensated() {
         .agrees_with(compensation::compensated, Ulp(6.0).or(Abs(1e-30)));
 }
 
-/// If nearly all light is reflected, 1 - E cancels, where E is the directional albedo. Two roundings give E, which is
-/// at most 1, an error of 1.2e-7. The function multiplies 1 - E by diffuse light of up to 50, so this error grows to
-/// 6e-6.
+/// If nearly all light is reflected, 1 - E cancels, where E is the directional albedo. E is at most 1 and is rounded
+/// twice, so its error is at most 1.2e-7. The function multiplies 1 - E by diffuse light of up to 50, so this error
+/// grows to 6e-6.
 #[test]
 fn coupled() {
     PBR.function("compensation::coupled")

@@ -7,13 +7,13 @@ use shaders::{PBR, distribution};
 /// Widths of the distribution, from the smallest width that the library accepts to the widest lobe.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// WGSL may flush an exponential below the smallest normal f32 (1.2e-38) to 0. The lobe multiplies the exponential by 1
-/// / (pi alpha^2), which is at most 3e7.
+/// A bound for values of D that WGSL may flush to 0: the smallest normal f32 (1.2e-38) times the peak of the lobe,
+/// 1 / (pi alpha^2), which is at most 3.2e7.
 const VANISHED: Abs = Abs(1e-30);
 
-/// WGSL allows exp(x) an error of 3 + 2 |x| ulp. The error of x, from a division of 2.5 ulp and two products, adds 5
-/// |x| ulp. The shader returns 0 for x <= -87, so both errors together are at most 612 ulp. With the errors of the
-/// other factors, the result stays within 640 ulp, or 7.6e-5.
+/// The tolerance for lobes with an exponential. WGSL allows exp(x) an error of 3 + 2 |x| ulp. The error of x, from a
+/// division of 2.5 ulp and two products, adds 5 |x| ulp. The shader returns 0 for x <= -87, so both errors together are
+/// at most 612 ulp. With the errors of the other factors, the result stays within 640 ulp, or 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
 /// Pairs of a normal and a half vector on the normal's side of the surface. Some half vectors are close to the normal,
@@ -32,8 +32,8 @@ fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
         })
 }
 
-/// Squaring the quotient doubles the 2.5 ulp of its division and the rounding errors of its numerator and denominator.
-/// Two other products are rounded, too.
+/// D of GGX contains a squared quotient. Squaring doubles the 2.5 ulp of the division and the rounding errors of
+/// numerator and denominator. Two other products are rounded, too.
 #[test]
 fn ggx() {
     PBR.function("distribution::ggx")
@@ -111,9 +111,9 @@ fn cosines_that_round_above_one() {
     );
 }
 
-/// For each exponent, the function treats a cosine just above 1 like the cosine that is equally far below 1. For a
-/// distance of d from 1, d <= 1e-6, tan^2 of the half angle then has a relative error of d. The exponent of up to 87
-/// turns this error into 9e-5, in addition to the error of the exponential.
+/// For each exponent, the function treats a cosine just above 1 like the cosine that is equally far below 1. If the
+/// cosine is 1 + d, where d is at most 1e-6, tan^2 of half the angle has a relative error of d. The lobe contains
+/// exp(-x) with x up to 87, so this error adds up to 9e-5 to the error of the exponential.
 // Lesson 31
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {

@@ -1,4 +1,4 @@
-//! Drivers that use more of the error that WGSL allows than other drivers, with the sizes of their errors.
+//! Drivers with larger errors than other drivers, though within WGSL's bounds, and the sizes of these errors.
 
 /// SwiftShader, Google's software rasteriser, on any graphics API.
 pub(crate) const SWIFTSHADER: &str = "@swiftshader";

@@ -86,8 +86,8 @@ impl Prepared for Ready {
         4096
     }
 
-    /// Computes the WGSL function `f`, which returns `(3 x) (3 x)`. If the kernel returns a `let` of `f` instead, the
-    /// function computes the value of this `let`.
+    /// Computes the result of the WGSL function `f`: `(3 x) (3 x)`. If the kernel returns a `let` of `f`, computes the
+    /// value of this `let`.
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
         let is_of = |binding: &str| self.name.contains(&format!("karat_let = {binding};"));
         let (same, thrice) = (is_of("same"), is_of("thrice"));
@@ -154,7 +154,7 @@ fn where_wgsl_allows_too_much_another_tolerance_holds() {
     check(coarse, |x| 9.0 * x * x, Spec.needing(Rel(0.5))).expect("it is that close");
 }
 
-/// If `Spec` can't judge any case, the author must name another tolerance.
+/// A check is an error if WGSL's accuracy gives `Spec` no bound for any of the cases.
 // Lesson 90
 #[test]
 fn a_specification_that_judges_nothing_is_an_error() {
@@ -200,7 +200,8 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
     assert!(check(pow, |x| x.powi(5), Spec.into()).is_err(), "0 is a case");
 }
 
-/// If a result is outside the measured bounds, the message says that the driver is less accurate than Karat measured.
+/// If a result is outside the bounds of `DeviceSpec`, the message says that the driver is less accurate than Karat
+/// measured.
 // Lesson 92
 #[test]
 fn results_below_the_measured_accuracy_are_reported() {
@@ -316,7 +317,8 @@ fn a_sum_of_three_terms_passes_in_any_order_of_addition() {
     assert_eq!(beyond, 18);
 }
 
-/// If a product overflows in another order of its factors, WGSL allows any result. The message says so.
+/// If a product overflows when its factors are multiplied in an order other than the written one, WGSL allows any
+/// result. The message says so.
 // Lesson 168: overflow is reported
 #[test]
 fn an_order_that_overflows_is_named() {
@@ -474,7 +476,7 @@ impl Random {
     }
 }
 
-/// An executor that passes each job to another executor of this machine, under the path `cpu@here`.
+/// An executor with the path `cpu@here`. It passes each job to another executor of this machine.
 #[derive(Debug)]
 struct Here(&'static dyn Executor);
 

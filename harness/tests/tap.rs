@@ -443,8 +443,8 @@ fn a_traced_pixel_has_the_derivatives_of_its_quad() {
     }
 }
 
-/// `tap` shows the author's types: a number stays a number, even if naga converts it to a vector. `tap` also reads
-/// aliases of values, and members such as `pair.many.x`.
+/// `tap` shows the author's types: a number stays a number, even if naga converts it to a vector. `tap` also reads a
+/// `let` that only names another value, and members such as `pair.many.x`.
 #[test]
 fn types_aliases_and_parts_are_the_author_s() {
     let package = package();

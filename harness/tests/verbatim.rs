@@ -123,7 +123,7 @@ fn invalid_tokens_are_refused() {
     }
 }
 
-/// Checks if this is a published package, which doesn't contain the shader library.
+/// Checks if the test runs in a published package, which doesn't contain the shader library.
 fn is_published() -> bool {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(".cargo_vcs_info.json").exists()
 }

@@ -41,7 +41,7 @@ fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
         .map(|(l, weight)| (l.as_vec3(), weight * l.z))
 }
 
-/// For the integral in a white furnace: the arguments of a BRDF with a white `f0`, and their weights.
+/// The arguments of a BRDF with a white `f0`, with weights for the integral in a white furnace.
 fn white(&(alpha, v): &(f32, Vec3)) -> Vec<((Vec3, f32, Vec3, Vec3), f64)> {
     lights(alpha, v).map(|(l, weight)| ((Vec3::ONE, alpha, v, l), weight)).collect()
 }
@@ -109,7 +109,7 @@ fn tri_ace(
     (UnitRgb, reflectance(), exponent, above(), above())
 }
 
-/// Mistake E10: the result is infinite at n = 2. At n = 4 the highlight is the right highlight times -7/8, and at n =
+/// Mistake E10: the result is infinite at n = 2. At n = 4 the highlight is the correct highlight times -7/8, and at n =
 /// 100 the highlight is nearly 0.
 #[test]
 fn tri_ace_s_printed_normalisation_has_a_pole() {
@@ -143,7 +143,7 @@ fn tri_ace_s_printed_normalisation_has_a_pole() {
     );
 }
 
-/// Mistake E11: a black surface has no highlight. On a white surface, the highlight is the right highlight divided by
+/// Mistake E11: a black surface has no highlight. On a white surface, the highlight is the correct highlight divided by
 /// pi.
 #[test]
 fn tri_ace_s_printed_bracket_takes_the_highlight() {

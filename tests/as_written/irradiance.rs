@@ -76,9 +76,9 @@ fn furnace_of_library(function: &str) -> karat::check::Probe<'static> {
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// Mistake E17: in a Monte Carlo estimate, four times as many terms would halve the error. The loop uses no random
-/// numbers, so it isn't a Monte Carlo estimate, and its error stays: 0.9805 becomes 0.9815. The reason is that 32 steps
-/// of 0.05 end at 1.6 instead of pi / 2, just as 16 steps of 0.1 do.
+/// Mistake E17: the article calls its loop a Monte Carlo estimator, so four times as many terms should halve the error.
+/// The loop uses no random numbers, and its error hardly changes: 0.9805 becomes 0.9815. The reason is that 32 steps of
+/// 0.05 end at 1.6 instead of pi / 2, just as 16 steps of 0.1 do.
 #[test]
 fn more_terms_are_not_more_samples() {
     let halved = (PRINTED.0 / 2.0, PRINTED.1 / 2.0);
@@ -151,7 +151,7 @@ fn a_lambertian_looks_the_same_from_everywhere() {
     floor(Vec3::Z).agrees_with(below, filter);
 }
 
-/// Mistake E8: the result is the right radiance divided by pi.
+/// Mistake E8: the result is the correct radiance divided by pi.
 #[test]
 fn stored_irradiance_is_already_divided_by_pi() {
     let white = || PBR.function("as_written::irradiance::lambert").over((UnitRgb, Just(Vec3::ONE)));
@@ -168,8 +168,8 @@ fn stored_irradiance_is_already_divided_by_pi() {
     }
 }
 
-/// Mistake E19: the test contains the last line of the article's shader in WGSL:
-/// `return float4( PI * sampledColour / index), 1 );`.
+/// Mistake E19: a parenthesis is missing in the article's shader: `return float4( PI * sampledColour / index), 1 );`.
+/// The test contains this line, translated to WGSL.
 #[test]
 fn an_unbalanced_parenthesis_is_shown_where_it_is() {
     let text = "const PI: f32 = 3.14159265;\n\n\

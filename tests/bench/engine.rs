@@ -8,7 +8,7 @@ use shaders::{PBR, fresnel, sampling};
 
 use super::{STARTS, Spread, spawn};
 
-/// The number of checks that a child process runs, as for a small library. `CHECKS` is the number for a large library.
+/// The number of checks that a child process runs to represent a small library. [`CHECKS`] represents a large library.
 const FEW: usize = 10;
 const CHECKS: usize = 110;
 
@@ -99,7 +99,8 @@ const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
         sums[id.x] = sum + atomicAdd(&tickets, 1u);
     }";
 
-/// The times of a pass with the sanitizer, and of a test of the pass, relative to a plain run.
+/// The time of a pass with the sanitizer, and the time of a whole check of the pass, each divided by the time of a
+/// plain run.
 fn passes() -> [f64; 2] {
     const WORDS: u32 = 1 << 16;
     let package = Package::from_source("tiles", TILES);

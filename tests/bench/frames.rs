@@ -44,8 +44,8 @@ fn with_hole(image: &Image) -> Image {
     changed
 }
 
-/// Compares a frame that differs from its golden everywhere. So the peak memory of this process includes both images,
-/// and the work of FLIP for all pixels.
+/// Compares a frame that differs from its golden everywhere. The process then reaches its peak memory, with both images
+/// and the data of FLIP for all pixels.
 pub(super) fn compare_one() {
     let golden = golden();
     let actual = scaled(&golden, 1.01);

@@ -163,7 +163,7 @@ fn throughput() {
     }
 }
 
-/// Measures where a check with many cases spends its time: draws, the device, the reference.
+/// Measures where a check with many cases spends its time: choosing the arguments, the device, the reference.
 fn costs() {
     const CASES: u32 = 1_000_000;
     println!("\nsampling::ggx_normal with 1,000,000 cases: where the time goes [ns a case]");

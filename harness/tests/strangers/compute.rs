@@ -77,7 +77,7 @@ fn passes_share_their_buffers() {
     scan(&package).with_override("ADDED", 2.0).after("data").agrees_with(running(&more), Abs(0.0));
 }
 
-/// A check fails if a pass is missing, or if the statement of `satisfies` is false.
+/// A check fails if the test doesn't dispatch a pass, or if the condition of `satisfies` is false.
 // Lesson 128
 #[test]
 fn each_difference_of_a_pass_is_reported() {

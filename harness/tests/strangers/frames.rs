@@ -1,5 +1,5 @@
 //! Frames as engines draw them. For each kind of pipeline state (blending, culling, depth), a test draws an image that
-//! comes out wrong if a path ignores blending, for example.
+//! comes out wrong if a path ignores this state.
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::Path;
@@ -491,8 +491,8 @@ fn frames_that_no_device_draws_are_errors() {
     }
 }
 
-/// Each target of a frame needs an output of the fragment function, and each output needs a target. Otherwise the frame
-/// is an error.
+/// Each target of a frame needs an output of the fragment function, and each output needs a target. Otherwise Karat
+/// reports an error.
 #[test]
 fn targets_and_outputs_are_the_same() {
     let package = Package::from_source(

@@ -568,8 +568,8 @@ fn nan_and_infinity_have_a_place() {
     assert!(error.contains("first NaN: `x / (x * x - x * 2.0)` of 0, 0 (<f>:9:15)"), "{error}");
 }
 
-/// If a driver leaves a long loop before its end, the check fails with the loop's line, also for functions that write
-/// storage or use derivatives.
+/// If a driver leaves a long loop before its end, the check fails with an error at the loop's line. This also holds for
+/// functions that write storage or use derivatives.
 // Lesson 125
 #[test]
 fn loops_of_functions_that_drivers_cut_short_are_errors() {

@@ -264,10 +264,11 @@ fn the_guide_has_these_samples() {
     assert_eq!(count, 18);
 }
 
-/// The tests of the samples use each shader of the guide, except for the following shaders. `harness/tests/package.rs`
-/// and `harness/cli/tests/cli/asserts.rs` test the shaders with `@if`. No test imports Bevy's shader, because the test
-/// would fetch a crate. The crate karat-suite tests the shaders with `@test`. `cargo ci dist` runs the shaders of the
-/// page for the web, and `harness/cli/tests/cli/tutorial.rs` runs the shaders of the tutorial.
+/// The folder `shaders` beside this file contains each shader of the guide, with a few exceptions.
+/// `harness/tests/package.rs` and `harness/cli/tests/cli/asserts.rs` test the shaders that contain `@if`. No test
+/// imports Bevy's shader, because the test would fetch a crate. The crate karat-suite tests the shaders that contain
+/// `@test`. `cargo ci dist` runs the shaders of the page for the web, and `harness/cli/tests/cli/tutorial.rs` runs the
+/// shaders of the tutorial.
 // Lesson 137
 #[test]
 fn the_guide_has_these_shaders() {

@@ -6,7 +6,7 @@ use karat::fixture::{Address, Buffer, Compare, Filter, Fixture};
 use karat::prelude::*;
 use karat::unstable::probe::ProbeError;
 
-/// The tolerance for texture filters, because drivers may round a filter's weights to 8 bits.
+/// The tolerance for filtered texels. The tolerance allows drivers to round the filter's weights to 8 bits.
 const FILTERED: Abs = Abs(0.006);
 
 fn ramp() -> Texture {
@@ -506,8 +506,8 @@ fn errors_carry_their_source() {
     assert!(matches!(*cause, karat::fixture::FixtureError::Missing { .. }));
 }
 
-/// On GL, a sampler filters only 16-bit floats. If a shader only loads texels, without a sampler, the texels keep all
-/// their bits on GL, too.
+/// wgpu's GL can't filter 32-bit floats, so Karat stores filtered textures in 16-bit floats there. If a shader loads
+/// texels without a sampler, the texels keep all 32 bits on GL, too.
 // Lesson 133
 #[test]
 fn loaded_texels_have_full_precision() {

@@ -9,8 +9,8 @@ use std::process::Command;
 use crate::child::{self, End};
 use crate::{Stage, Target, Tool, Translation, Validation, Verdict};
 
-/// The maximum number of files that one process checks. If the process rejects a file, Karat checks each of these files
-/// again in its own process.
+/// The maximum number of files that one process checks. If the process rejects one of its files, Karat checks all of
+/// them again, each in a process of its own.
 const FILES: usize = 32;
 
 impl Tool {

@@ -108,7 +108,7 @@ fn end(child: &mut Child) -> io::Result<()> {
 }
 
 fn ended(status: ExitStatus) -> End {
-    /// Windows' error codes for access violations, overflowed stacks and the like have their highest bits set.
+    /// The smallest exit code of a crash on Windows, such as an access violation or a stack overflow.
     const ERRORS: u32 = 0xc000_0000;
     match status.code() {
         Some(0) => End::Good,

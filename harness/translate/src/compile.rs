@@ -1,4 +1,4 @@
-//! Compiles the GLSL and HLSL that naga writes to SPIR-V, with glslang and DXC.
+//! Compiles naga's GLSL and HLSL to SPIR-V, with glslang and DXC.
 
 use std::collections::VecDeque;
 use std::io;
@@ -303,8 +303,7 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
 mod tests {
     use super::*;
 
-    /// If the SPIR-V multiplies a buffer's length by 4, the length is already in bytes. Later versions of glslang may
-    /// write such SPIR-V.
+    /// SPIR-V that multiplies a buffer's length by 4 counts bytes. Later versions of glslang may write such SPIR-V.
     // Lesson 159
     #[test]
     fn lengths_in_words_differ_from_lengths_in_bytes() {

@@ -201,7 +201,7 @@ impl Shader {
     /// Executors that run WGSL directly use this translation.
     ///
     /// # Errors
-    /// Returns an error if the shader has no such entry point.
+    /// Fails if the shader has no entry point with this name.
     pub fn as_it_is(&self, text: &str, entry_point: &str) -> Result<Translation, TranslateError> {
         let one = self.entry_points().into_iter().find(|one| one.name == entry_point);
         let one = one.ok_or_else(|| TranslateError::NoEntryPoint(entry_point.to_owned()))?;

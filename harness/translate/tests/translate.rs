@@ -293,7 +293,7 @@ fn the_reported_version_is_that_of_the_lock_file() {
 }
 
 /// glslang puts a scalar behind the whole matrix if the matrix has three rows, but Direct3D puts the scalar behind the
-/// matrix's last row. So `compile` refuses such SPIR-V.
+/// matrix's last row. So `compile` refuses glslang's SPIR-V for a buffer with such a matrix and scalar.
 #[test]
 fn another_layout_of_a_uniform_buffer_is_refused() {
     let shader = |members: &str| {
