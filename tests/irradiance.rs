@@ -13,12 +13,12 @@ use crate::drivers::{SINE, SWIFTSHADER};
 
 /// The error of looking up a smooth environment with radiance near 1.
 ///
-/// A face has 64 x 64 texels, so texels are 1/32 of half a face apart. Linear interpolation has an error of at most 1/8
-/// of the squared distance times the curvature. The curvature is at most 2, so this error is at most 2.5e-4. The
-/// filter's weights have 8 bits, and neighbouring texels differ by 1/32, so rounding the weights adds an error of 6e-5.
-/// On GL, texels are half floats, with a mean error of 2.4e-4 in 1..2. Also on GL, 3 % of directions are within half a
-/// texel of a face's edge. There, the filter reads only one face, with an error of 1/64 at the edge. Both errors of GL
-/// may be positive or negative, so they nearly vanish in a mean.
+/// A face reaches from -1 to 1 and has 64 x 64 texels, so neighbouring texels are 1/32 apart. Linear interpolation has
+/// an error of at most 1/8 of the squared distance times the curvature. The curvature is at most 2, so this error is at
+/// most 2.5e-4. The filter's weights have 8 bits, and neighbouring texels differ by 1/32, so rounding the weights adds
+/// an error of 6e-5. On GL, texels are half floats, with a mean error of 2.4e-4 in 1..2. Also on GL, 3 % of directions
+/// are within half a texel of a face's edge. There, the filter reads only one face, with an error of 1/64 at the edge.
+/// Both errors of GL may be positive or negative, so they nearly vanish in a mean.
 const INTERPOLATION: f64 = 3e-4;
 
 const SIZE: u32 = 64;

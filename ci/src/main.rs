@@ -98,10 +98,10 @@ enum Task {
     Corpus {
         /// The list of crates and folders [default: ci/corpus.toml]
         list: Option<PathBuf>,
-        /// Runs each function in every translation instead; the table goes to docs/corpus-translations.md
+        /// Only runs each function in every translation, and writes docs/corpus-translations.md
         #[arg(long)]
         routes: bool,
-        /// Validates each module with naga and with Tint instead; the table goes to docs/corpus-compilers.md
+        /// Only validates each module, with naga and with Tint, and writes docs/corpus-compilers.md
         #[arg(long, conflicts_with_all = ["routes", "json"])]
         compilers: bool,
         /// Also write the rows as JSON to this file, or with --routes into this folder

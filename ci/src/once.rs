@@ -2,8 +2,8 @@
 //!
 //! Cargo compiles a crate once for each set of the crate's features, and again if Cargo compiles one of the crate's
 //! dependencies again. The features depend on the packages and targets that a command names. [`COMMANDS`] lists the
-//! commands that people, `cargo ci demo` and `cargo ci test` run. Each command must reuse the libraries that the
-//! earlier commands compiled.
+//! commands that people run, and those that `cargo ci demo` and `cargo ci test` start. Each command must reuse the
+//! libraries that the earlier commands compiled.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -404,7 +404,8 @@ impl<'a> Compute<'a> {
     ///     .agrees_with([0_u32, 2], Abs(0.0));
     /// ```
     ///
-    /// # Panics Panics if `other` has no fixture.
+    /// # Panics
+    /// Panics if `other` has no fixture.
     pub fn alias(mut self, name: &str, other: &str) -> Self {
         let known = self.fixtures.iter().any(|(known, _)| known == other);
         assert!(
@@ -727,7 +728,8 @@ impl After<'_> {
     /// assert_eq!(passes.after("data").read::<u32>(Path::CPU).unwrap(), [7]);
     /// ```
     ///
-    /// # Errors Returns an error if the path can't run the passes, or if the type of the elements isn't `T`.
+    /// # Errors
+    /// Returns an error if the path can't run the passes, or if the type of the elements isn't `T`.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {

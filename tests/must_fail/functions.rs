@@ -1,4 +1,4 @@
-//! Tests that checks of functions against references find faults.
+//! These tests plant faults in functions. A check against a reference must find each fault.
 
 use glam::{DVec3, UVec3, Vec3};
 use karat::Goldens;

@@ -11,7 +11,8 @@ use karat::unstable::path::Ability;
 use karat::unstable::path::Adapter;
 use karat_inspect::conform;
 
-/// Runs jobs on the path in the second argument, with the fault in the third argument.
+/// Runs jobs on the path that the program's second command-line argument names, and plants the fault that the third
+/// argument names.
 pub(crate) fn serve() -> Result<String, String> {
     let mut arguments = std::env::args().skip(2);
     let path: Path =

@@ -3,9 +3,9 @@
 //! references.
 //!
 //! The tests compare pixels with two values. The first value comes from the shader's formulas with the same samples, so
-//! it differs only by rounding. The second value is the exact integral that the shader estimates, computed from samples
-//! with other densities. To find the allowed error of the estimate, the tests move the sample points at random and
-//! compute the estimate again for each moved copy (Cranley and Patterson 1976).
+//! it differs only by rounding. The shader estimates an integral. The second value is a more exact estimate of the same
+//! integral, from samples with other densities. To find the allowed error of the estimate, the tests move the sample
+//! points at random and compute the estimate again for each moved copy (Cranley and Patterson 1976).
 
 mod shade;
 mod trace;
@@ -53,7 +53,7 @@ const SNAPPED: f64 = 1.0 / 32.0;
 /// any point in this square around its middle.
 const PLACES: i32 = 5;
 
-/// The data for computing pixels of a frame of the 64 spheres again.
+/// The data from which the tests recompute pixels of a frame that shows the 64 spheres.
 struct Spheres {
     scene: Scene,
     painted: Vec<Painted>,

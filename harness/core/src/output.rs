@@ -2,8 +2,8 @@
 //! as `head` does, the command still does its work.
 //!
 //! Karat doesn't trust the names of files and drivers or the texts of shaders. So Karat escapes every character, as in
-//! `\u{1b}`, except for printable characters, line ends and tabs. Karat's own colours stay: a random number, which only
-//! this process knows, marks each [`Style`].
+//! `\u{1b}`, except for printable characters, line ends and tabs. Karat doesn't escape its own colours. To know them,
+//! it marks each [`Style`] by a random number that only this process has.
 
 use std::borrow::Cow;
 use std::fmt;

@@ -93,7 +93,8 @@ impl Scalar {
             .find(|scalar| scalar.wgsl() == wgsl)
     }
 
-    /// The lane for a decimal number, `true` or `false`. `None` if the text isn't a finite value of the type.
+    /// Parses a decimal number, `true` or `false`, and returns the value's 32 bits. `None` if the text isn't a finite
+    /// value of the type.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;

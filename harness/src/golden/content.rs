@@ -61,8 +61,8 @@ impl Content {
         }
     }
 
-    /// Checks if both contents have the same bits. The function compares hashes, because a NaN in a masked pixel never
-    /// equals itself.
+    /// Checks if both contents have the same bits. The function compares hashes, because a NaN isn't equal to
+    /// itself. Pixels that the mask leaves out may be NaN.
     pub(super) fn is(&self, other: &Self) -> bool {
         let same = |(a, b): (&Part, &Part)| {
             a.name == b.name && a.precision == b.precision && a.image.hash() == b.image.hash()

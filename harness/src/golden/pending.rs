@@ -218,7 +218,7 @@ impl Goldens {
     /// The pending frames of this name, and of the names for which `matches` returns `true`.
     ///
     /// # Errors
-    /// If no pending frame or unusable file has a selected name.
+    /// Returns an error if no pending frame or unusable file has a selected name.
     ///
     /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
     pub fn select_by(

@@ -17,7 +17,8 @@ impl Tool {
     /// Checks several translations with as few processes as possible. The results are the same as from a call of
     /// [`validate`](Self::validate) for each translation.
     ///
-    /// # Errors The errors of [`validate`](Self::validate), one for each translation.
+    /// # Errors
+    /// The errors of [`validate`](Self::validate), one for each translation.
     pub fn validate_all(&self, translations: &[&Translation]) -> Vec<io::Result<Validation>> {
         let mut said: Vec<Option<io::Result<Validation>>> =
             translations.iter().map(|_| None).collect();

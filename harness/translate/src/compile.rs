@@ -251,7 +251,8 @@ fn with_bytes(translation: &Translation) -> Translation {
 /// Compiles a translation with one entry point to SPIR-V 1.3 for Vulkan 1.1. [`compiler`] gives the compiler's name.
 /// The SPIR-V has the same bindings as the translation.
 ///
-/// # Errors Fails if Karat knows no compiler for the language, or if the compiler rejects the translation, crashes or
+/// # Errors
+/// Returns an error if Karat knows no compiler for the language, or if the compiler rejects the translation, crashes or
 /// takes too long.
 pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     let target = translation.target;

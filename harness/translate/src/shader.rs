@@ -104,7 +104,8 @@ pub struct Shader {
 impl Shader {
     /// Parses and validates WGSL.
     ///
-    /// # Errors Fails if naga can't parse the text, or if naga's validator rejects the shader.
+    /// # Errors
+    /// Returns an error if naga can't parse the text, or if naga's validator rejects the shader.
     pub fn parse(wgsl: &str) -> Result<Self, TranslateError> {
         /// naga writes this directive into WGSL, but can't parse it. naga accepts subgroup operations without the
         /// directive.
@@ -116,7 +117,8 @@ impl Shader {
 
     /// Validates a naga module.
     ///
-    /// # Errors Fails if naga's validator rejects the module.
+    /// # Errors
+    /// Returns an error if naga's validator rejects the module.
     pub fn of(module: Module) -> Result<Self, TranslateError> {
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
         let info = on_deep_stack(|| {
@@ -134,7 +136,8 @@ impl Shader {
 
     /// Parses and validates SPIR-V.
     ///
-    /// # Errors Fails if naga can't parse the SPIR-V, or if naga's validator rejects the shader.
+    /// # Errors
+    /// Returns an error if naga can't parse the SPIR-V, or if naga's validator rejects the shader.
     pub fn from_spirv(words: &[u32]) -> Result<Self, TranslateError> {
         // naga flipped the Y axis when it wrote the SPIR-V.
         let options = naga::front::spv::Options::default();
@@ -173,7 +176,8 @@ impl Shader {
     /// Translates one entry point with everything that it uses, or the whole shader. A GLSL translation has only one
     /// entry point, so pass a name if the shader has several entry points.
     ///
-    /// # Errors Fails if the shader has no such entry point, or if naga can't write the shader in this language.
+    /// # Errors
+    /// Returns an error if the shader has no such entry point, or if naga can't write the shader in this language.
     pub fn translate(
         &self,
         target: Target,

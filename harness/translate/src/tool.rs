@@ -223,7 +223,8 @@ impl Tool {
 
     /// Checks the entry points of a translation, and stops at the first rejected entry point.
     ///
-    /// # Errors Fails if the tool's program doesn't start, or if Karat can't write the file for the program.
+    /// # Errors
+    /// Returns an error if the tool's program doesn't start, or if Karat can't write the file for the program.
     pub fn validate(&self, translation: &Translation) -> io::Result<Validation> {
         let Some(program) = &self.program else { return Ok(self.read_back(translation)) };
         if let Some(arguments) = self.compiles(translation) {

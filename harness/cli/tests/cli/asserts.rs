@@ -72,8 +72,8 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
-/// A false assertion fails a call, a sweep and a table. A call that fails still shows the values of `karat: print`
-/// lines.
+/// If an assertion is false, `karat call` fails, with one case, with a range of arguments and with a table of rows. A
+/// call that fails still shows the values of `karat: print` lines.
 // Lesson 37
 #[test]
 fn calls_fail_by_assertions() {

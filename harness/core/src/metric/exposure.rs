@@ -26,8 +26,9 @@ pub struct ExposureRange {
     pub stop: f64,
 }
 
-/// The linear value that the tone curve of [`Flip`](super::Flip) maps to 0.85. It is the positive root of the quadratic
-/// equation `curve(x) = 0.85`. The curve is ACES (Narkowicz 2016), scaled by 0.6.
+/// The linear value that the tone curve of [`Flip`](super::Flip) maps to 0.85. The curve is ACES (Narkowicz 2016),
+/// scaled by 0.6: a quotient of two quadratic functions. So `curve(x) = 0.85`, multiplied by the denominator, is a
+/// quadratic equation, and this value is its positive root.
 const NEAR_WHITE: f64 = {
     let a = 0.6 * 0.6 * (2.51 - 0.85 * 2.43);
     let b = 0.6 * (0.03 - 0.85 * 0.59);

@@ -68,9 +68,9 @@ impl Spec {
 /// The range of values that each path's adapter may return for the case's arguments, computed from the measured
 /// accuracy of the adapter's builtin functions.
 ///
-/// `DeviceSpec` works like [`Spec`]. If the range of [`Spec`] is finite, the range of `DeviceSpec` isn't wider. For a
-/// sine between -pi and pi, WGSL allows an error of 2^-11. For other arguments, WGSL allows any error. Most adapters
-/// are thousands of times more precise, for all arguments. Karat measures each builtin function once on an adapter, and
+/// `DeviceSpec` works like [`Spec`]. In each case its range is at most as wide as the range of [`Spec`]. For a sine
+/// between -pi and pi, WGSL allows an error of 2^-11. For other arguments, WGSL allows any error. Most adapters are
+/// thousands of times more precise, for all arguments. Karat measures each builtin function once on an adapter, and
 /// allows twice the largest error. Karat stores the results in cargo's home, by adapter and driver.
 ///
 /// A test that passes with `DeviceSpec` shows nothing about other adapters. Use it to test your shader's own rounding.

@@ -4,8 +4,9 @@
 //! A lane whose condition is undecided forks into two *worlds*. A world is a copy of the lane's variables for one
 //! branch. The world of the first branch runs first. Then the lane's variables get back their values from before the
 //! branch, and the world of the other branch runs. The worlds are joined where control meets again: at the end of a
-//! branch, of a loop's body, of a loop, or of a call. So within a world, a store simply overwrites a variable, and a
-//! `break` may depend on an undecided condition.
+//! branch, of a loop's body, of a loop, or of a call. Within a world, each condition has one outcome. So a store
+//! simply overwrites a variable. If a `break` depends on an undecided condition, one world leaves the loop, and the
+//! other world stays.
 //!
 //! If a world jumps out of a construct while another world of its lane still has to run there, the world that jumped
 //! waits at the jump's target, with its variables in `waiting`. If the lane has no other world there, the variables
@@ -322,8 +323,9 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Makes the active lanes jump to the end of an open construct: the construct that contains the `depth` innermost
-    /// open constructs. If `continues` is `true`, this construct is a loop, and the lanes jump to the end of its body.
+    /// Makes the active lanes jump to the end of an open construct: the innermost one if `depth` is 0, the one around
+    /// it if `depth` is 1. If `continues` is `true`, this construct is a loop, and the lanes jump to the end of its
+    /// body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {

@@ -133,7 +133,8 @@ impl Shared {
         Cow::Owned((0..count).flat_map(|at| of(&rows[at * width..][..width])).collect())
     }
 
-    /// Checks if both versions have the same lanes, so that results can be shown as whole values.
+    /// Returns `true` if the results of both versions have the same lanes. Then Karat shows results as whole values,
+    /// such as `vec3f(0, 1, 0)`.
     pub(super) fn is_same(&self) -> bool {
         self.is_same
     }

@@ -79,7 +79,7 @@ impl Union {
         }
     }
 
-    /// Adds test functions, whose statements aren't counted.
+    /// Leaves out the statements of these test functions.
     pub(super) fn leave_out(&mut self, tests: impl Iterator<Item = String>) {
         self.tests.extend(tests);
     }

@@ -95,8 +95,8 @@ struct Report {
     lines: Vec<Line>,
     /// The number of modules that are whole with the new lines.
     then_whole: usize,
-    /// The lines that errors ask for, but that Karat doesn't write: they don't fit into the file, or no module becomes
-    /// whole with them.
+    /// The lines that errors ask for, but that Karat doesn't write: the file already sets the line's key, or the line
+    /// makes no module valid.
     not_enough: Vec<Line>,
     left: Vec<Left>,
     /// The error with which `karat check` refuses the whole package, if there is such an error.
