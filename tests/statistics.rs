@@ -562,7 +562,7 @@ fn an_estimate_that_misses_a_part_is_rejected() {
 }
 
 /// The planted samplers have lost a dimension: their samples all have the same azimuth, or are among only 64 values.
-/// The cells of Karat's histogram end at quantiles of the samples of a pilot run. Even if many samples are equal, the
+/// Karat chooses the cells of its histogram by the quantiles of earlier samples. Even if many samples are equal, the
 /// check has enough cells to find the fault.
 #[test]
 fn a_sampler_that_has_lost_a_dimension_is_rejected() {

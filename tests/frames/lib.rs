@@ -125,7 +125,7 @@ pub fn open_paths() -> Vec<Path> {
 ///
 /// # Panics
 ///
-/// If the path doesn't open.
+/// Panics if the path doesn't open.
 #[must_use]
 pub fn is_snapped(path: Path) -> bool {
     let adapter = karat::unstable::path::adapter(path).expect("a path that is drawn on opens");

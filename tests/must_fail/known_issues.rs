@@ -10,7 +10,8 @@ use karat::unstable::run::WrongDeclaration;
 use crate::disagreement;
 use crate::processes::planted;
 
-/// The paths on which this run checks functions: all paths in the failure of a wrong function.
+/// The paths on which this run checks functions. To find them, it checks a wrong function, whose failure lists all
+/// paths.
 pub(crate) fn selected() -> Vec<Path> {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
     let found = disagreement(

@@ -3,9 +3,9 @@
 //! references.
 //!
 //! The tests compare pixels with two values. The first value comes from the shader's formulas with the same samples, so
-//! it differs only by rounding. The second value is the exact integral that the shader estimates, computed from samples
-//! with other densities. To find the allowed error of the estimate, the tests move the sample points at random and
-//! compute the estimate again for each moved copy (Cranley and Patterson 1976).
+//! it differs only by rounding. The second value approximates the integral that the shader estimates, but from many
+//! more samples, with other densities. To find the allowed error of the shader's estimate, the tests move the sample
+//! points at random and compute the estimate again for each moved copy (Cranley and Patterson 1976).
 
 mod shade;
 mod trace;
