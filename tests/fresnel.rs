@@ -68,9 +68,9 @@ fn dielectric_around_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Abs(2e-3));
 }
 
-/// For metals, the numerator has an error of 6 ulp. The denominators are fourth powers of two moduli, so they have four
-/// times the error of the moduli. The last division has an error of 2.5 ulp. The relative error of r_p is largest where
-/// r_p is smallest, and there r_s outweighs r_p.
+/// For metals, the numerator of the formula has an error of 6 ulp. The denominators are fourth powers of two moduli, so
+/// they have four times the error of the moduli. The last division has an error of 2.5 ulp. The relative error of r_p
+/// is largest where r_p is smallest, and there r_s outweighs r_p.
 #[test]
 fn conductor() {
     PBR.function("fresnel::conductor")

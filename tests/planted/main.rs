@@ -13,8 +13,8 @@ use karat::check::Agreement;
 use karat::prelude::*;
 use karat::{Frame, Goldens, Trend};
 
-/// A function whose loop never ends: `sum` is never negative. Only llvmpipe ends such a loop, after 65,535 iterations.
-/// The body is so long that these iterations take minutes.
+/// A function whose loop never ends: `sum` is never negative. On llvmpipe, the loop ends after 65,535 iterations, but
+/// the body is so long that these iterations take minutes.
 fn endless() -> String {
     let body = "sum = sin(sum) + 1.5;\n".repeat(64);
     format!(
