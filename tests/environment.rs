@@ -53,12 +53,13 @@ fn directions_find_the_face_that_webgpu_says() {
 
 /// Each texel has its direction as its colour. So the test shows that the cube maps of `karat` and of the library place
 /// texels where the hardware looks for them. Bilinear filtering between texel centres has an error of 1.2e-4: 1/8 of
-/// (1/32)^2 times a curvature of at most 1. The filter's weights have 8 bits, which adds an error of 1/512 of 1/64 in
-/// each of two directions: 6e-5 together. At a corner of the cube only three texels meet, and the filter uses their
-/// mean in place of a fourth texel. The mean has a weight of at most 1/4, lies at most a texel (1/32) away from the
-/// corner, and the colour's slope there is at most 1/2 of 0.58. The product of these numbers is an error of 2.3e-3. At
-/// the edges of faces, wgpu's desktop GL doesn't filter across the edge, but clamps to the nearest texel. The error of
-/// GL is half a texel (1/64) times the slope of 1/2.
+/// (1/32)^2 times a curvature of at most 1. The colours of neighbouring texels differ by at most 1/64, and the filter's
+/// weights have 8 bits. So rounding the weights adds an error of 1/512 of 1/64 along each of two axes: 6e-5 together.
+/// At a corner of the cube only three texels meet, and the filter uses their mean in place of a fourth texel. The mean
+/// has a weight of at most 1/4, lies at most a texel (1/32) away from the corner, and the colour's slope there is at
+/// most 0.29. The product of these numbers is an error of 2.3e-3. At the edges of faces, wgpu's desktop GL doesn't
+/// filter across the edge, but clamps to the nearest texel. So on GL, the colour has an error of half a texel (1/64)
+/// times its slope (at most 1/2).
 // Lesson 22: a tolerance of one path
 #[test]
 fn directions_find_their_texel() {
@@ -92,8 +93,8 @@ fn noise(size: u32) -> CubeMap {
 }
 
 /// At the centre of a texel, the filter returns the colour of this texel alone. Rounding the direction moves the point
-/// by less than 1/256 of a texel, which is one step of the filter's weights. A whole step would show, because the
-/// colours of neighbours differ by up to 1.
+/// by less than 1/256 of a texel, which is one step of the filter's weights. The tolerance doesn't allow the error of a
+/// whole step, because the colours of neighbouring texels differ by up to 1.
 #[test]
 fn a_texel_is_found_at_its_centre() {
     let size = 8;
@@ -156,8 +157,8 @@ fn radiance_level_inside_faces() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// The function also agrees with the reference near edges and corners of the cube, and beyond the last mip level. Only
-/// wgpu's desktop GL differs, because it doesn't filter across the edges of faces.
+/// Tests directions near and on the edges of the cube, and near its corners. Some levels are beyond the last mip level.
+/// Only wgpu's desktop GL differs, because it doesn't filter across the edges of faces.
 #[test]
 fn radiance_level_across_edges() {
     let cube_map = noise(16);
@@ -178,7 +179,7 @@ fn radiance_level_across_edges() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Tests the corners at which three faces meet. `radiance_level_across_edges` leaves out these corners.
+/// Tests the exact directions of the cube's corners, which `radiance_level_across_edges` leaves out.
 #[test]
 fn radiance_level_at_corners() {
     let cube_map = noise(16);
@@ -222,8 +223,9 @@ fn face_direction() {
         );
 }
 
-/// The article defines the cube's faces with coordinates in -1..=1 and y upward, and its code has face 4 in the default
-/// branch. The test shows that the article and WebGPU define the same faces.
+/// The shader of an article (see `shaders/README.md`) defines the cube's faces with coordinates in -1..=1 and y upward.
+/// Its `switch` handles face 4 in the `default` branch. The test shows that the article and WebGPU define the same
+/// faces.
 // Lesson 10: each direction has its own reference
 #[test]
 fn the_faces_of_the_article() {
@@ -299,8 +301,8 @@ fn equirectangular_uv_finds_every_direction() {
     );
 }
 
-/// In a panorama, each pole is a whole row of texels. The result is the centre of this row, even if the direction has
-/// negative zeros, for which `atan2(-0, -0)` would give half a turn.
+/// In a panorama, each pole is a whole row of texels. The function returns the centre of this row, even if the
+/// direction has negative zeros. `atan2(-0, -0)` would give half a turn.
 #[test]
 fn poles_are_in_the_middle_of_their_row() {
     PBR.function("environment::equirectangular_uv")
@@ -367,8 +369,8 @@ fn parallax_box_is_continuous() {
     );
 }
 
-/// If `position` is the centre of the cube map, the function adds 0 to a multiple of the direction, so the result is
-/// the direction with one rounding.
+/// If `position` is the centre of the cube map, the function returns a multiple of the direction, with one rounding in
+/// each component.
 #[test]
 fn parallax_vanishes_at_the_centre() {
     let along = |d: DVec3, seen: Vec3| {
@@ -431,8 +433,8 @@ fn parallax_sphere_touches_the_sphere() {
 }
 
 /// Tests samples that stand for solid angles between 6e-12 sr and more than the whole sphere. The level is half of a
-/// logarithm, and WGSL allows `log2` an error of 3 ulp. For arguments near 1, `log2` has an absolute error of 2^-21, to
-/// which the rounding of the argument adds an absolute error.
+/// logarithm, and WGSL allows `log2` an error of 3 ulp. For arguments near 1, `log2` has an absolute error of 2^-21.
+/// Rounding the argument of `log2` increases this error.
 #[test]
 fn mip_level() {
     PBR.function("environment::mip_level")

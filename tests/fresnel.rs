@@ -45,8 +45,8 @@ fn dielectric_into_the_denser_medium() {
 
 /// Near the critical angle, the sum g^2 = eta^2 - 1 + c^2 cancels, and the reflectance has an infinite slope as a
 /// function of g^2. The test stays away from this angle: for g^2 >= 0.01, an error of 1e-7 in g^2 is an error of 5e-7
-/// in g. The error of the reflectance is at most twice that, times the slope of the amplitude r as a function of g
-/// (below 2).
+/// in g. The reflectance is a mean of squared amplitudes r, whose slope as a function of g is below 2. So its error is
+/// at most 2 * 2 * 5e-7 = 2e-6.
 #[test]
 fn dielectric_away_from_the_critical_angle() {
     let domain = (0.4..=1.0, 0.0..=1.0_f32).filter(|(eta, cosine): &(f32, f32)| {
@@ -59,7 +59,8 @@ fn dielectric_away_from_the_critical_angle() {
 }
 
 /// At the critical angle, an error of 1.2e-7 in g^2 is an error of sqrt(1.2e-7) = 3.5e-4 in g. As g grows from 0, the
-/// reflectance falls from 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c). No formula in f32 can be more exact there.
+/// reflectance falls from 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c). No formula in f32 can be more exact near
+/// the critical angle.
 #[test]
 fn dielectric_around_the_critical_angle() {
     PBR.function("fresnel::dielectric")
@@ -67,9 +68,9 @@ fn dielectric_around_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Abs(2e-3));
 }
 
-/// For metals, |q|^2 has an error of 6 ulp. The formula divides by fourth powers of two sums that contain a square
-/// root, so these powers have four times the error of the sums. The last division has an error of 2.5 ulp. The relative
-/// error of r_p is largest where r_p is smallest, and there r_s outweighs r_p.
+/// For metals, the numerator of the formula has an error of 6 ulp. The denominators are fourth powers of two moduli, so
+/// they have four times the error of the moduli. The last division has an error of 2.5 ulp. The relative error of r_p
+/// is largest where r_p is smallest, and there r_s outweighs r_p.
 #[test]
 fn conductor() {
     PBR.function("fresnel::conductor")
@@ -90,7 +91,8 @@ fn conductor_with_little_absorption() {
 /// The function computes two square roots, each with an error of 4.5 ulp, and a division. One of the roots is the
 /// modulus. The test leaves out complex numbers so small that the square of their modulus isn't a normal f32, because
 /// no index of refraction is that small. The reference uses polar coordinates, in which the cosine of a right angle is
-/// 6e-17 instead of 0. The reference multiplies this error by a root of up to 14.
+/// 6e-17 instead of 0. The reference multiplies this error by the root of the modulus, which is at most 14 at this
+/// angle.
 #[test]
 fn complex_root() {
     let numbers = (-200.0..=200.0_f32, 0.0..=200.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -142,8 +144,8 @@ fn dielectric_average() {
         .agrees_with(fresnel::dielectric_average, Ulp(24.0));
 }
 
-/// Tests indices near 1. There, the closed form of the average reflectance loses all digits in f32, and 1 - F loses
-/// most digits.
+/// Tests indices of refraction near 1, for which the closed form of the average reflectance F loses all digits in f32.
+/// The difference 1 - F loses most digits.
 #[test]
 fn dielectric_average_of_almost_no_interface() {
     for side in [0.999..=1.0, 1.0..=1.001] {
@@ -181,8 +183,8 @@ fn reflectance_rises_with_the_index() {
     );
 }
 
-/// An interface to almost the same medium reflects almost nothing: about (eta - 1)^2 / (4 c^4), which is 1.4e-3 for eta
-/// = 1.003, the last step, and the smallest cosine c = 0.2.
+/// An interface to almost the same medium reflects almost nothing: about (eta - 1)^2 / (4 c^4). In the last step of the
+/// test, eta is 1.003, so for the smallest cosine, c = 0.2, the reflectance is 1.4e-3.
 #[test]
 fn no_interface_reflects_nothing() {
     PBR.function("fresnel::dielectric").over((Just(1.0), 0.2..=1.0)).at_limit(

@@ -23,7 +23,8 @@ fn v_cavity() {
         .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
 }
 
-/// Tests the correction of mistake P2: if V.H is 0, each quotient of the paper's formula is 0 / 0 or infinite.
+/// If V.H is 0, the lecture's formula divides by 0 (mistake P2 in `shaders/README.md`). The library's function returns
+/// 1.
 #[test]
 fn nothing_is_hidden_where_v_dot_h_vanishes() {
     PBR.function("geometry::v_cavity")
@@ -33,7 +34,7 @@ fn nothing_is_hidden_where_v_dot_h_vanishes() {
 
 /// The function computes two quotients of products, each with an error of 2.5 ulp. The larger cosine is at least 1e-18.
 /// The smaller cosine goes down to the smallest normal f32, for which the product 4 N.V N.L underflows to 0. As for any
-/// half vector, V.H is at least half the sum of the cosines, and N.H is at least their sum.
+/// half vector, V.H and N.H are at least half the sum of the two cosines.
 #[test]
 fn v_cavity_visibility() {
     let cosines = (-18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
@@ -97,8 +98,9 @@ fn smith_schlick_ggx() {
         .agrees_with(geometry::smith_schlick_ggx, Ulp(12.0).or(UNDERFLOW));
 }
 
-/// The approximation of erf has an error of 1.5e-7. G1 has erf times a in its denominator 2 a + ..., so the error of G1
-/// is half of this error. The other 14 ulp come from the exponential (5 ulp at a = 1), a square root and divisions.
+/// The approximation of erf(a) has an error of 1.5e-7. The denominator of G1 contains a erf(a) and is at least 2 a, so
+/// the relative error of G1 is at most half of 1.5e-7. The other 14 ulp come from the exponential (5 ulp at a = 1), a
+/// square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")
@@ -192,8 +194,8 @@ fn masking_grows_toward_grazing_and_with_the_width() {
         .is_monotone_in("n_dot_v", Trend::Increasing, Ulp(8.0).or(UNDERFLOW));
 }
 
-/// A mirror hides nothing. For a narrow lobe and one direction, 1 - G1 is at most (alpha tan)^2 / 4, which is 1e-6 at
-/// the last step for cosines above 0.05. Karis's formula with k = alpha / 2 hides more: alpha / (2 cos) for each
+/// A mirror hides nothing. For a narrow lobe and one direction, 1 - G1 is at most (alpha tan)^2 / 4. For alpha = 1e-4
+/// and cosines above 0.05, this is 1e-6. Karis's formula with k = alpha / 2 hides more: alpha / (2 cos) for each
 /// direction.
 #[test]
 fn a_mirror_hides_nothing() {

@@ -332,8 +332,8 @@ fn the_gate_alone_sees_all_of_them() {
     }
 }
 
-/// With each golden of this repository, the gate detects if one channel of one pixel changes by 0.3 %. The test tries
-/// bright and dark pixels, but leaves out nearly black values.
+/// For each golden of this repository, the gate rejects a frame in which one channel of one pixel differs by 0.3 %. The
+/// test tries bright and dark pixels, but leaves out nearly black values.
 // Lesson 20: the smallest fault that each golden detects
 #[test]
 fn the_smallest_fault_of_each_golden_is_seen() {

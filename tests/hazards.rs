@@ -4,7 +4,7 @@ use karat_inspect::hazards::{Class, Hazard, Kind};
 use shaders::PBR;
 
 /// Each fault of the library is accepted with a reason. `as_written` contains formulas as the source documents print
-/// them. There, `hazards` finds the faults that the tests of these formulas show.
+/// them. In these formulas, `hazards` must find faults.
 // Lesson 111
 #[test]
 fn the_library_has_none_that_is_not_argued() {

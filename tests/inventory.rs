@@ -33,7 +33,7 @@ enum Column {
     Prose,
     /// Each cell has any number of names of this kind.
     Names(Kind),
-    /// Each name of this kind occurs exactly once in the cells of all such columns.
+    /// The columns of this kind together list each module, frame or mistake exactly once.
     List(Kind),
 }
 
@@ -204,7 +204,7 @@ impl Row {
     }
 }
 
-/// Complaints about functions in the text between tables that the library doesn't have.
+/// Returns a complaint for each function that the text outside of tables names, but the library lacks.
 fn unknown_in_prose(markdown: &str, known: &Known) -> Vec<String> {
     let mut complaints = Vec::new();
     let prose = (1..).zip(markdown.lines()).filter(|(_, text)| !text.starts_with('|'));

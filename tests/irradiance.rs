@@ -358,9 +358,9 @@ fn sun(d: DVec3) -> DVec3 {
     DVec3::splat(50.0 * (128.0 * (LAMP.dot(d) - 1.0)).exp())
 }
 
-/// With 256 directions, the filtered estimate is within 0.1 of the exact result, an eighth of the sun's light. The
-/// unfiltered estimate isn't. The filtered estimate blurs the sun a little: it reads levels 2 and 3, with texels half
-/// as wide as the sun.
+/// With 256 directions, the filtered estimate has an error of at most 0.1, which is an eighth of the sun's light. The
+/// unfiltered estimate has larger errors. The filtered estimate blurs the sun a little: it reads levels 2 and 3, with
+/// texels half as wide as the sun.
 #[test]
 fn a_filter_sees_what_lies_between_directions() {
     let map = cube_map(sun).with_mips();

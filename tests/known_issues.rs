@@ -8,7 +8,7 @@ use crate::drivers::{NVIDIA, SWIFTSHADER};
 
 /// WGSL requires `mix(x, y, a)` to be as accurate as x (1 - a) + y a, which is exactly y at a = 1. Some drivers compute
 /// x + (y - x) a, so their result contains the rounding error of x. The library doesn't use `mix` for masks, because
-/// below a mask of 1 the rounding error of a bright base would show.
+/// where the mask is 1, the rounding error of a bright base would be visible.
 // Lesson 45
 #[test]
 fn mix_ends_at_its_second_value() {
@@ -22,8 +22,9 @@ fn mix_ends_at_its_second_value() {
         .agrees_with(|_: f64, y: f64, _: f64| y, Ulp(1.0));
 }
 
-/// Each face has its direction as its colour, so a corner shows the mean of three faces. For the corner, Vulkan 1.3
-/// (section 16.5.4) first chooses one face: if components are equally large, Z before Y before X.
+/// Each face has its direction as its colour, so a corner shows the mean of three faces. To sample the corner, Vulkan
+/// 1.3 (section 16.5.4) first chooses one face. If components are equally large, it prefers the Z face to the Y face,
+/// and the Y face to the X face.
 #[test]
 fn a_corner_of_a_cube_belongs_to_a_face() {
     let module = "@group(0) @binding(0) var cube: texture_cube<f32>;

@@ -32,8 +32,8 @@ fn metals_have_no_diffuse_and_all_reflect() {
     );
 }
 
-/// A material reflects the share f0 of the light specularly, and a part of the rest diffusely. Together, both are at
-/// most the incoming light.
+/// A material reflects the share f0 of the light specularly, and a part of the rest diffusely. Together, these two
+/// parts are at most the incoming light.
 #[test]
 fn no_material_reflects_more_than_it_receives() {
     PBR.function("materials::material")

@@ -1,4 +1,4 @@
-//! Tests the room with five spheres from the article.
+//! Tests the scene of the frame `lambert`: a room with five spheres.
 
 use karat::prelude::*;
 use shaders::{PBR, probe_room};

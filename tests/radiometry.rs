@@ -136,8 +136,8 @@ fn cap_solid_angle() {
         .agrees_with(radiometry::cap_solid_angle, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// Each series is a nest of sums with a term of 1. The outer sums lose 2 ulp. The errors of the inner divisions hardly
-/// reach the result.
+/// Each series consists of nested sums, such as `1 - x2 / 6 * (1 - x2 / 20 * (...))`. The outer sums lose 2 ulp. The
+/// errors of the inner divisions hardly reach the result.
 #[test]
 fn series_of_sine_and_arctangent() {
     PBR.function("radiometry::sine")
@@ -202,8 +202,8 @@ fn the_texels_of_a_cube_cover_the_sphere() {
     }
 }
 
-/// If the texels of a cube map stand for all directions, the sum of intensity times solid angle is the flux. The sum of
-/// up to 144 terms has as many roundings, up or down by at most half an ulp, and the errors of the solid angles.
+/// If the texels of a cube map stand for all directions, the sum of intensity times solid angle is the flux. The sum
+/// has up to 144 terms, and each addition rounds up or down by at most half an ulp. The solid angles also have errors.
 #[test]
 fn isotropic_intensity_integrates_to_the_flux() {
     let package = calling(

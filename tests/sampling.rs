@@ -137,8 +137,8 @@ fn ggx_normal_pdf() {
         .agrees_with(sampling::ggx_normal_pdf, Ulp(20.0).or(UNDERFLOW));
 }
 
-/// WGSL allows exp(x) an error of 3 + 2 |x| ulp. |x| is at most 87 and has an error of about 6 ulp. All errors together
-/// are 87 (2 + 6) + 20 ulp.
+/// WGSL allows `exp(x)` an error of `3 + 2 * abs(x)` ulp. Here, `abs(x)` is at most 87 and `x` has an error of about 6
+/// ulp. All errors together are 87 (2 + 6) + 20 ulp.
 #[test]
 fn beckmann_normal_pdf() {
     PBR.function("sampling::beckmann_normal_pdf")
@@ -159,9 +159,9 @@ fn beckmann_normal() {
         .agrees_with(sampling::beckmann_normal, TRIGONOMETRIC);
 }
 
-/// WGSL allows `log` an absolute error of 2^-21 = 4.8e-7 near 1, and 3 ulp elsewhere. For smaller values the shader
-/// uses a series. Where the series begins, the value is 0.105, so the relative error of `log` is at most 4.5e-6. The
-/// series has only the error of one division, whose result WGSL may flush to 0.
+/// WGSL allows `log` an absolute error of 2^-21 = 4.8e-7 near 1, and 3 ulp elsewhere. For arguments below 0.1 the
+/// shader uses a series. At 0.1 the result is 0.105, so the relative error of `log` is at most 4.5e-6. The series has
+/// only the error of one division, whose result WGSL may flush to 0.
 #[test]
 fn minus_log_of_rest() {
     PBR.function("sampling::minus_log_of_rest")
@@ -188,8 +188,8 @@ fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
     2.0 * stretched.dot(unstretched)
 }
 
-/// The error of sin and cos moves the halfway vector by at most 2^-11. The shorter the vector is, the more this turns
-/// the normal. So the test leaves out normals at more than 83 degrees from the view, one in 64. The other halfway
+/// The error of sin and cos moves the halfway vector by at most 2^-11. The shorter the vector is, the more this error
+/// turns the normal. So the test leaves out normals at more than 83 degrees from the view, one in 64. The other halfway
 /// vectors are at least 1/4 long, so the error is at most 4.9e-4 / (1/4).
 #[test]
 fn ggx_visible_normal() {
@@ -226,8 +226,8 @@ fn all_normals_are_visible_from_above() {
     );
 }
 
-/// V.H has a rounding error of 1e-7, which is a relative error of 1e-5 at V.H = 0.01. The density of a normal with V.H
-/// < 0 is 0. The test leaves out normals with |V.H| below 0.01.
+/// V.H has a rounding error of 1e-7, which is a relative error of 1e-5 at V.H = 0.01. If V.H is negative, the density
+/// is 0. The test leaves out normals with V.H between -0.01 and 0.01.
 #[test]
 fn ggx_visible_normal_pdf() {
     let domain = (Hemisphere, normals())
@@ -294,8 +294,8 @@ fn orthonormal_basis() {
         .agrees_with(sampling::orthonormal_basis, Abs(1e-6));
 }
 
-/// The basis is right even at the poles. The construction of Duff et al. 2017 works for all directions, while the
-/// construction before it fails at -Z.
+/// The basis is right even at the poles. The construction of Duff et al. 2017 works for all directions, while Frisvad's
+/// older construction fails at -Z.
 #[test]
 fn orthonormal_basis_is_a_rotation_onto_n() {
     PBR.function("sampling::orthonormal_basis").over(UnitVector).satisfies(
@@ -323,7 +323,8 @@ fn triples() -> impl Domain<Value = UVec3> {
     (any(), any(), any()).map(|(x, y, z)| UVec3::new(x, y, z))
 }
 
-/// The results are integers, so they must be equal. Integers wrap around in WGSL and in the reference.
+/// The results are integers, so they must equal the results of the reference. Integers wrap around in WGSL and in the
+/// reference.
 #[test]
 fn hashes() {
     PBR.function("sampling::pcg").over(Integers(0..=u32::MAX)).agrees_with(sampling::pcg, Ulp(0.0));

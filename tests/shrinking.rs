@@ -243,8 +243,8 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     }
 }
 
-/// Only the case 0.36 fails, which the check doesn't sample. The check fails because Karat remembers this case from a
-/// previous failure.
+/// Only the case 0.36 fails, and the check doesn't sample this case. The check fails because Karat remembers the case
+/// from a previous failure.
 #[test]
 fn a_remembered_integral_fails_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -329,7 +329,8 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
     }
 }
 
-/// Karat keeps no failing inputs in CI, or of unrecorded checks. If Karat can't write to the folder, it prints a note.
+/// Karat keeps no failing inputs in CI, and none of unrecorded checks. If Karat can't write to the folder, it prints a
+/// note.
 #[test]
 fn nothing_is_written_where_it_is_not_wanted() {
     let folder = tempfile::tempdir().expect("a temporary folder");

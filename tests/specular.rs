@@ -10,7 +10,7 @@ use shaders::{PBR, environment, fresnel, specular};
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 
 /// The tolerance for the errors of SwiftShader's sine and cosine in a mean over samples. The error of one sample is up
-/// to 1.9e-4, positive or negative. The largest measured error of a mean is half of that.
+/// to 1.9e-4, positive or negative. The largest measured error of a mean is about 1e-4.
 const AZIMUTHS: Abs = Abs(2e-4);
 
 /// A normal and a view on the normal's side of the surface. N.V is at least `least`.
@@ -56,8 +56,8 @@ fn a_white_furnace_gives_no_more_than_its_light() {
 
 /// Compares the shader's sum, in which D is cancelled, with the reference, which has D in both f and pdf. The shader
 /// divides weights by N.V, which is a sum of three products with a rounding error of 1e-7. So the weights have a
-/// relative error of 1e-7 / N.V. At the horizon, where samples are rejected, an error of a direction also changes a
-/// weight by up to this much.
+/// relative error of 1e-7 / N.V. Near the horizon, below which the shader rejects samples, an error of a direction also
+/// changes a weight by up to 1e-7 / N.V.
 #[test]
 fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {

@@ -2,7 +2,7 @@
 //! right sampler.
 //!
 //! The planted faults are small, because finding a large fault would prove little about a check. On the CPU, the tests
-//! measure over a thousand seeds how often each statistical test rejects a right sampler. One more test measures this
+//! use a thousand seeds to measure how often each statistical test rejects a right sampler. One more test measures this
 //! rate for whole checks on a driver, over fewer seeds.
 
 use std::f64::consts::TAU;
@@ -287,8 +287,8 @@ fn a_pdf_of_the_wrong_scale_is_rejected() {
 }
 
 /// The check computes the expected share of samples outside of the support as 1 minus the integral of the density. If
-/// the integral exceeds 1 by a fault, the only finding is the wrong integral. If it exceeds 1 only by rounding, the
-/// expected share is 0, so samples outside of the support are a finding.
+/// the integral exceeds 1 because of a fault, the only finding is the wrong integral. If it exceeds 1 only by rounding,
+/// the expected share is 0, so samples outside of the support are a finding.
 // Lesson 68
 #[test]
 fn a_density_above_one_leaves_nothing_out() {
@@ -562,8 +562,8 @@ fn an_estimate_that_misses_a_part_is_rejected() {
 }
 
 /// The planted samplers have lost a dimension: their samples all have the same azimuth, or are among only 64 values.
-/// Karat places the cells of its histogram by samples. Even if many samples are equal, the check has enough cells to
-/// find the fault.
+/// Karat chooses the cells of its histogram by the quantiles of earlier samples. Even if many samples are equal, the
+/// check has enough cells to find the fault.
 #[test]
 fn a_sampler_that_has_lost_a_dimension_is_rejected() {
     let planted = planted();
@@ -811,8 +811,8 @@ fn cosine_histogram(seed: u64, samples: u64) -> (Cells, Vec<u64>) {
     (cells, observed)
 }
 
-/// Computes a p-value for each seed. Returns the rates of rejections at significance 0.01 and 0.1, and the p-value of a
-/// test that the p-values are uniformly distributed.
+/// Computes a p-value for each seed. Returns the rates of rejections at significance 0.01 and 0.1, and the p-value for
+/// the hypothesis that the p-values are uniformly distributed.
 fn calibrated(mut p_value: impl FnMut(u64) -> f64) -> (Rate, Rate, f64) {
     let mut p: Vec<f64> = (0..SEEDS).map(&mut p_value).collect();
     let rate = |significance| Rate {

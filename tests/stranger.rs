@@ -77,10 +77,10 @@ fn arguments_of_f64() {
 }
 "#;
 
-/// Dependencies of the test project, with the features that this workspace gives the same libraries. With these
-/// features Cargo reuses the libraries that it compiled for this workspace. Without them Cargo compiles most libraries
-/// again. `cargo tree -f "{p} [{f}]"` in both workspaces shows the differences. The project in the tests of `karat
-/// render` has the same features, so Cargo compiles Karat once for both projects.
+/// Dependencies of the test project, with the same features as in this workspace. With these features Cargo reuses the
+/// libraries that it compiled for this workspace. Without them Cargo compiles most libraries again. `cargo tree -f "{p}
+/// [{f}]"` in both workspaces shows the differences. The project in the tests of `karat render` has the same features,
+/// so Cargo compiles Karat once for both projects.
 const SHARED: &str = "\
     clap = { version = \"4\", features = [\"derive\", \"env\", \"wrap_help\"] }\n\
     indexmap = \"2\"\n\
@@ -329,7 +329,7 @@ fn mutants_are_tried(karat: &FilePath, project: &Project) {
     project.write("shaders/brdf.wgsl", BRDF);
 }
 
-/// The files of the project with failing inputs that Karat keeps, and the text of each file.
+/// The files in which Karat keeps the project's failing inputs, and the text of each file.
 fn remembered(project: &Project) -> Vec<(PathBuf, String)> {
     let (mut folders, mut all) = (vec![project.folder.path().join(".karat")], Vec::new());
     while let Some(folder) = folders.pop() {

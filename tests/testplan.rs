@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// The tests of each lesson, such as `file::test`, grouped by the label in `// Lesson 12: label`.
 type Tests = BTreeMap<u32, BTreeMap<String, Vec<String>>>;
 
-/// Adds the tests of a file for which a line `// Lesson N` names a lesson.
+/// Adds the tests of a file that have a line `// Lesson N` above them.
 ///
 /// # Errors
 ///

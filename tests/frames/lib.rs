@@ -15,7 +15,7 @@ use shaders::{PBR, environment, probe_room, specular};
 
 /// Texels along each side of the environment's faces. The sun is 10 texels wide.
 pub const ENVIRONMENT: u32 = 128;
-/// Texels along each side of the irradiance map's faces, as in the article.
+/// Texels along each side of the irradiance map's faces.
 pub const IRRADIANCE: u32 = 32;
 /// Pixels along each side of a face in the frame of the environment.
 pub const FACE: u32 = 96;
@@ -33,7 +33,7 @@ const SPHERE: (u32, u32) = (32, 64);
 ///
 /// # Panics
 ///
-/// If `SUITES` has any value except `whole`.
+/// Panics if `SUITES` is set to another value than `whole`.
 #[must_use]
 pub fn are_suites_whole() -> bool {
     match std::env::var("SUITES") {
@@ -105,7 +105,7 @@ impl Shot {
 ///
 /// # Panics
 ///
-/// If no path opens, because then the tests would check nothing.
+/// Panics if no path opens, because then the tests would check nothing.
 #[must_use]
 pub fn open_paths() -> Vec<Path> {
     let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
@@ -125,7 +125,7 @@ pub fn open_paths() -> Vec<Path> {
 ///
 /// # Panics
 ///
-/// If the path doesn't open.
+/// Panics if the path doesn't open.
 #[must_use]
 pub fn is_snapped(path: Path) -> bool {
     let adapter = karat::unstable::path::adapter(path).expect("a path that is drawn on opens");
@@ -139,7 +139,7 @@ pub fn studio() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, texels).with_mips()
 }
 
-/// The article's room as a cube map, as the probe in the room sees the walls.
+/// The room of the frame `lambert`, as a cube map of the walls that the probe in the room sees.
 #[must_use]
 pub fn room() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, probe_room::walls))
@@ -245,7 +245,7 @@ pub fn grid(
     )
 }
 
-/// Builds the frame of the article's spheres in the article's room.
+/// Builds the frame `lambert` or `lambert_parallax`: five spheres in a room.
 fn lambert_objects(
     shot: &Shot,
     fragment: &str,

@@ -178,7 +178,7 @@ fn nothing_to_compare() {
     assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
-/// Karat refuses checks that can't fail, because a transformation has no effect or because a tolerance allows any
+/// Karat refuses checks that can't fail, because a transformation has no effect or because a tolerance allows every
 /// error.
 // Lesson 13
 #[test]
@@ -448,8 +448,8 @@ fn every_edge_of_a_tuple_is_tried() {
     }
 }
 
-/// A driver may flush a tiny result to 0 without failing a check with a relative tolerance. Karat refuses a tolerance
-/// that allows any error.
+/// A check with a relative tolerance passes even if a driver flushes a tiny result to 0. Karat refuses a tolerance that
+/// allows every error.
 #[test]
 fn bounds_near_zero() {
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x * y; }");
@@ -505,8 +505,8 @@ fn step(x: f64, y: f64) -> f64 {
     if x > 0.0 { 1.0 + y } else { y }
 }
 
-/// A result passes if the function is right for subnormal arguments as given, or for any of them replaced by 0. A
-/// function that changes other numbers fails.
+/// A result passes if it is right for the given arguments, or right after some or all subnormal arguments are replaced
+/// by 0. A function that replaces other arguments fails.
 // Lesson 48
 #[test]
 fn only_subnormal_arguments_may_be_flushed() {

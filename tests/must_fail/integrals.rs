@@ -1,4 +1,4 @@
-//! Tests that checks of integrals find faults.
+//! Tests that a check of an integral finds planted faults.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -292,7 +292,7 @@ fn an_integral_is_replayed_and_recorded() {
 }
 
 /// Checks integrals over directions. One function has a wrong constant, so the check fails. Another function has a lobe
-/// between the rings of directions. There, the two quadrature rules disagree, so the check has no verdict.
+/// between the rings of directions. For this function, the two quadrature rules disagree, so the check has no verdict.
 // Lesson 67
 #[test]
 fn an_integral_over_directions() {

@@ -1,4 +1,4 @@
-//! Tests external programs as executors. The checks agree with an honest program, and fail with each faulty program.
+//! Tests external programs as executors. The checks pass with an honest program, and fail with each faulty program.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -99,7 +99,7 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
     }
 }
 
-/// Karat ends a program that hangs after `KARAT_TIMEOUT` seconds, and the check fails.
+/// If a program hangs, Karat ends the program after `KARAT_TIMEOUT` seconds, and the check fails.
 #[test]
 fn a_program_that_hangs_is_ended() {
     // The second program reads no job, so its pipe is full. The test waits for both programs at once.

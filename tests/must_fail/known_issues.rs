@@ -10,7 +10,8 @@ use karat::unstable::run::WrongDeclaration;
 use crate::disagreement;
 use crate::processes::planted;
 
-/// The paths on which this run checks functions. A check of a wrong function lists them all.
+/// The paths on which this run checks functions. To find them, it checks a wrong function, whose failure lists all
+/// paths.
 pub(crate) fn selected() -> Vec<Path> {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
     let found = disagreement(
@@ -25,7 +26,8 @@ fn covers(declared: Path, path: Path) -> bool {
     declared.api() == path.api() && declared.driver().is_none_or(|own| path.driver() == Some(own))
 }
 
-/// A check passes if it fails on the declared path. Karat lists this path as a known issue, not as a path that agrees.
+/// A check with `fails_on` passes if the function is wrong on the declared path. Karat lists this path as a known
+/// issue, not as a path that agrees.
 // Lesson 8: a declared failure must fail
 // Lesson 45
 #[test]
@@ -206,7 +208,7 @@ fn samples_and_means_that_are_declared_to_fail() {
     assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
 }
 
-/// The verdict in the record is a known issue, not a pass.
+/// If a check fails as declared by `fails_on`, its record has the verdict known issue, not pass.
 // Lesson 8: a declared failure must fail
 #[test]
 fn known_issues_are_recorded() {

@@ -215,8 +215,8 @@ fn races_of_an_order() {
     }
 }
 
-/// Tests subgroup operations in workgroups of many sizes. The result of the last operation depends on the subgroup
-/// size, if the workgroup has more than 4 invocations.
+/// Tests subgroup operations in workgroups of many sizes. In workgroups of more than 4 invocations, the result of
+/// `subgroupAdd(1u)` depends on the subgroup size.
 // Lesson 218
 #[test]
 fn subgroups_in_workgroups_of_each_size() {

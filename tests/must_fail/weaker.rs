@@ -76,8 +76,8 @@ fn integers_have_an_upper_bound_too() {
     disagreement(signed(-9.0, 10.0));
 }
 
-/// WGSL allows results far above the reference of one function, and far below the reference of the other. `Spec` counts
-/// both cases as ill-conditioned.
+/// WGSL allows the planted function with `max` results far above its reference, and the function with `min` results far
+/// below its reference. `Spec` counts the case of each function as ill-conditioned.
 // Lesson 177
 #[test]
 fn an_allowed_interval_is_wide_at_either_end() {

@@ -13,8 +13,8 @@ use karat::check::Agreement;
 use karat::prelude::*;
 use karat::{Frame, Goldens, Trend};
 
-/// A function with an endless loop, because `sum` is never negative. llvmpipe ends a loop after 65,535 iterations. The
-/// body is so long that these iterations take minutes.
+/// A function whose loop never ends: `sum` is never negative. On llvmpipe, the loop ends after 65,535 iterations, but
+/// the body is so long that these iterations take minutes.
 fn endless() -> String {
     let body = "sum = sin(sum) + 1.5;\n".repeat(64);
     format!(
@@ -203,8 +203,8 @@ fn integral() -> String {
         .to_string()
 }
 
-/// A check whose failing input Karat keeps for the next run. The second argument names a change of the function or of
-/// the check since then. The check panics if it fails.
+/// A check whose failing input Karat keeps for the next run. The second argument chooses a variant of the function or
+/// of the check, such as `mended`. The check panics if it fails.
 fn kept() -> Result<String, String> {
     let change = std::env::args().nth(2).unwrap_or_default();
     let condition = match change.as_str() {

@@ -3,8 +3,8 @@
 //! references.
 //!
 //! The tests compare pixels with two values. The first value comes from the shader's formulas with the same samples, so
-//! it differs only by rounding. The shader estimates an integral. The second value is a more exact estimate of the same
-//! integral, from samples with other densities. To find the allowed error of the estimate, the tests move the sample
+//! it differs only by rounding. The second value approximates the integral that the shader estimates, but from many
+//! more samples, with other densities. To find the allowed error of the shader's estimate, the tests move the sample
 //! points at random and compute the estimate again for each moved copy (Cranley and Patterson 1976).
 
 mod shade;
@@ -32,9 +32,9 @@ const COPIES: usize = 128;
 /// distributed values have a larger error, and the tests compare about 200 values for each frame.
 const DEVIATIONS: f64 = 5.0;
 
-/// The largest allowed error of a pixel, as a multiple of the largest error of a moved copy. A pixel needs to satisfy
-/// only this bound or [`DEVIATIONS`]. For narrow lobes, errors aren't normally distributed: one more sample that
-/// reflects the sun brightens a pixel by half, and only one copy in a hundred has such a sample.
+/// The largest allowed error of a pixel, as a multiple of the largest error of a moved copy. A pixel passes if its
+/// error is within this bound or within [`DEVIATIONS`]. For narrow lobes, errors aren't normally distributed: one more
+/// sample that reflects the sun brightens a pixel by half, and only one copy in a hundred has such a sample.
 const RARE: f64 = 1.5;
 
 /// The allowed relative rounding error of a pixel. The shader adds up to 512 terms in `f32`, its directions have errors
@@ -45,8 +45,7 @@ const ROUNDING: f64 = 1.5e-3;
 /// each. Roughness and f0 come from texels, so lobes and their samples also have errors.
 const GL_ROUNDING: f64 = 1e-2;
 
-/// The distance, in pixels, by which drawn surfaces move at most if the driver snaps vertices (see
-/// `frames::is_snapped`).
+/// The largest distance, in pixels, by which a driver moves surfaces if it snaps vertices (see `frames::is_snapped`).
 const SNAPPED: f64 = 1.0 / 32.0;
 
 /// The number of points that tests try along each side of a small square. If a driver snaps vertices, a pixel may show
@@ -194,7 +193,8 @@ impl Exhibit {
         self.path.is_some_and(frames::is_snapped)
     }
 
-    /// The allowed error of `value` for a pixel with the same samples.
+    /// The allowed rounding error of a pixel, where `value` is the pixel's colour in f64, computed with the same
+    /// samples.
     fn rounding(&self, value: DVec3) -> DVec3 {
         let relative = if self.is_seamless() { ROUNDING } else { GL_ROUNDING };
         relative * (value + DVec3::splat(0.01)) // the error of black is that of a hundredth of white
@@ -276,8 +276,8 @@ fn snapped_complaint(
 }
 
 /// Complaints about the pixels of a frame of the 64 spheres. If `whole` is false, the test checks only every third
-/// sphere. It compares each pixel with the formula. It also compares a third of the golden's pixels with the integral,
-/// which takes longer.
+/// sphere. It compares each pixel with the shader's formula in f64. It also compares a third of the golden's pixels
+/// with the integral that the shader estimates, which takes longer.
 fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let image = &exhibit.image;
     let spheres = Spheres::new(name, (image.width(), image.height()));
@@ -437,7 +437,8 @@ fn the_irradiance_map_holds_the_integral() {
 }
 
 /// Compares pixels of the article's spheres with two values: from the irradiance map, as in the shader, and from an
-/// integral over the room's light. The second tolerance is wider, because the map's faces are only 32 texels wide.
+/// integral over the room's light. The tolerance for the integral is wider, because the map's faces are only 32 texels
+/// wide.
 fn lambert_objects(name: &str, corrected: bool) {
     let room = frames::room();
     let map = frames::irradiance_cube(&room, first_path()).expect("the map is drawn");
