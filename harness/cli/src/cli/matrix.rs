@@ -213,7 +213,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     Ok(())
 }
 
-/// Returns an error if the path of a requested column doesn't open, because that column has no results.
+/// Returns an error if the path of a requested column doesn't open. Such a column has no results.
 fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
         return Ok(());
