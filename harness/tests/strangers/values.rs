@@ -198,7 +198,7 @@ fn values_that_can_never_agree_are_errors() {
         (text.replacen(&format!(",{cell}\n"), ",much\n", 1), "`much` isn't a finite f32"),
         (text.replacen(&format!(",{cell}\n"), ",NaN\n", 1), "`NaN` isn't a finite f32"),
         (text.replacen(&format!(",{cell}\n"), "\n", 1), "has 1 cell in 2 columns"),
-        (text.replacen("# schema = 1", "# schema = 7", 1), "a newer Karat wrote it"),
+        (text.replacen("# schema = 1", "# schema = 7", 1), "comes from a newer Karat"),
         (text.replacen("# case", "# [case", 1), "can't be used"),
         (String::new(), "can't be used"),
         (
