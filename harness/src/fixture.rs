@@ -73,8 +73,8 @@ impl Fixture {
     fn kind(&self) -> String {
         let words = match self {
             Self::CubeMap(_) => "a CubeMap",
-            Self::Sampler(Sampler { compare: Some(_), .. }) => "a Sampler that compares",
-            Self::Sampler(_) => "a Sampler that doesn't compare",
+            Self::Sampler(Sampler { compare: Some(_), .. }) => "a Sampler with a comparison",
+            Self::Sampler(_) => "a Sampler without a comparison",
             Self::Uniform(_) => "a Uniform",
             Self::Storage(_) => "a Storage",
             Self::Buffer(_) => "a Buffer",

@@ -544,7 +544,7 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
             let message = format!(
                 "on path `cpu` `{name}` was stopped: this loop waits for a value that no invocation can change any more"
             );
-            let note = "change the shader: the invocation that stores the value must store it before it waits in a loop or at a barrier itself";
+            let note = "change the shader: the invocation that stores the value must not wait in a loop or at a barrier before this store";
             (span, case, message, note)
         }
         other => {

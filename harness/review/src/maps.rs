@@ -10,7 +10,7 @@ use karat::unstable::metric::Pair;
 pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     let errors = Flip::LARGEST_TILE.map(pair).ok().map(|map| Map {
         name: "HDR-FLIP".to_owned(),
-        about: "the difference that a person sees at the worst exposure, from 0 to 1".to_owned(),
+        about: "the difference (0 to 1) that a person sees at the worst exposure".to_owned(),
         image: scalars(pair, |x, y| Some(map.at(x, y))),
         range: [0.0, ErrorMap::scale(map.values())],
     });

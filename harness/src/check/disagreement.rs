@@ -579,7 +579,7 @@ impl CaseFailure {
             let value = decimal(value);
             writeln!(
                 f,
-                "    {:>width$} = {value}  over {nodes} nodes (also a wrong integral){hint}",
+                "    {:>width$} = {value}  over {nodes} nodes (this integral is wrong too){hint}",
                 "control"
             )?;
         }

@@ -75,7 +75,7 @@ impl Session<'_> {
         let allowed = bound.allows(actual);
         let said = match (allowed, inside(expected)) {
             (true, true) => "; the test's tolerance is stricter than WGSL's bounds",
-            (true, false) => "; the reference isn't allowed: this code computes something else",
+            (true, false) => "; the reference isn't a result that WGSL allows for this code",
             (false, true) => "; this path's result isn't allowed",
             (false, false) => "; the result and the reference aren't allowed",
         };

@@ -149,7 +149,7 @@ impl Scene<'_> {
             return unsound(
                 "target",
                 format!(
-                    "a draw has a setting for target {other}, but the frame's number of targets is {targets}, and the first is target 0"
+                    "a draw has a setting for target {other}, but the frame's number of targets is {targets}, counted from 0"
                 ),
             );
         }

@@ -230,7 +230,7 @@ impl Draw {
         let most = mesh.indices.iter().max().copied().unwrap_or(0);
         assert!(
             most < u32::from(u16::MAX),
-            "index {most} is above 65534, the largest 16-bit index"
+            "index {most} is above 65534: GPUs reserve the 16-bit index 65535"
         );
         self.u16_indices = true;
         self

@@ -241,10 +241,10 @@ fn unsound_of(
     let mut found = Vec::new();
     let judge = |found: &mut Vec<String>, who: &str, values: &[f64], slack: f64| {
         let (bounded, wrong) = outside(&bounds, values, slack);
-        assert!(bounded * 100 >= CASES * share, "{text}: only {bounded} of {CASES} have bounds");
+        assert!(bounded * 100 >= CASES * share, "{text}: {bounded} of {CASES} cases have bounds");
         if let Some(case) = wrong.first() {
             let (count, value) = (wrong.len(), values[*case]);
-            found.push(format!("{text} on {who}: {count} are wrong: {value} for {}", shown(*case)));
+            found.push(format!("{text} on {who}: {count} errors: {value} for {}", shown(*case)));
         }
     };
     for executor in executors {

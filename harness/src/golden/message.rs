@@ -76,7 +76,7 @@ impl fmt::Display for Deviation {
         }
         // For a tolerance of zero, all four tolerances below would be zero.
         if worst.is_some() && gate.relative > 0.0 {
-            write!(f, "\n  pixels off at a tolerance of")?;
+            write!(f, "\n  pixels that exceed a tolerance of")?;
             let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep).enumerate();
             for (index, (factor, share)) in shares {
                 let tolerance = significant(f64::from(relative * factor));

@@ -21,7 +21,7 @@ pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     };
     match path.metadata() {
         Ok(known) if !(known.is_file() || known.is_dir()) => {
-            refused(ErrorKind::InvalidInput, "it isn't a file or a link to a file")
+            refused(ErrorKind::InvalidInput, "it is neither a file nor a link to a file")
         }
         Err(_) if path.symlink_metadata().is_ok() => {
             let what = "it is a link to a file that doesn't exist; fetch that file";

@@ -149,7 +149,7 @@ impl OrderOf {
 
     pub(super) fn note(&self, passes: &Passes) -> String {
         match self.is_of_size() {
-            true => format!("a device may have subgroups of {} invocations", self.subgroup()),
+            true => format!("a device can have subgroups of {} invocations", self.subgroup()),
             false => format!("WGSL promises no order. In this order, {}", self.told(passes)),
         }
     }

@@ -582,7 +582,7 @@ fn of_outside(
     }
     let note = match one.bounds {
         Bounds::Subgroup => {
-            "WGSL allows any result for such an index (*Subgroup Built-in Functions*): if the index isn't below `subgroup_size`, `select` another value"
+            "WGSL allows any result for such an index (*Subgroup Built-in Functions*): if the index is `subgroup_size` or more, `select` another value"
         }
         Bounds::Wrapped => {
             "a sum or a product in the index exceeds 32 bits, and WGSL keeps only the lowest 32 bits (*Arithmetic Expressions*): \

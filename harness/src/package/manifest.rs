@@ -402,7 +402,7 @@ impl Manifest {
             toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
             toml::Value::Array(_) => {
                 let what =
-                    "can't be a list; `set_by_engine` lists the features that the engine sets";
+                    "can't be a list; `set_by_engine` lists the features that a game engine sets";
                 Err(told(&["features", &name], format!("feature `{name}` {what}")))
             }
             _ => {

@@ -194,9 +194,7 @@ impl Kernel {
         });
         let form = &self.function.form;
         let what = match (form.fragment, form.alone) {
-            (true, true) => {
-                "x: number of cases from a pixel to the pixel on its right, y: canary, z: number of cases to the pixel below, w: first case"
-            }
+            (true, true) => "the case of pixel (i, j) is w + i * x + j * z; y: canary",
             (true, false) => "x: number of cases, y: canary, z: quads in a row, w: rows of quads",
             (false, true) => "y: canary, w: the index of the case; x and z are unused",
             (false, false) => {

@@ -80,10 +80,7 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
     let ([first, others @ ..], Some(own)) = (&*declaring, own) else {
         return ReflectError::Invalid(found);
     };
-    let also = others
-        .iter()
-        .map(|other| format!(", and module `{other}` declares it too"))
-        .collect::<String>();
+    let also = others.iter().map(|other| format!(", as does module `{other}`")).collect::<String>();
     // The list keeps the modules that are already joined with this module.
     let mut list = package.joined_with(&own);
     let how = if list.is_empty() {

@@ -204,7 +204,7 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
                 if text.starts_with('.') {
                     // Rejects `0...1`, which isn't `0..` followed by the fraction `.1`.
                     return Err(format!(
-                        "`{text}` isn't a number: write a range with two dots, and a fraction with 0 first, as in `0.5`"
+                        "`{text}` isn't a number: write a range with two dots, and `0.5` instead of `.5`"
                     ));
                 }
                 text.parse::<f64>().map_err(|_| match text.starts_with('<') {

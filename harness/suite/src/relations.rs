@@ -94,7 +94,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
         && one.path != other.path
     {
         return Err(wrong(format!(
-            "the name `{name}` may mean `{}` or the parameter `{name}`: write `{}`, or rename the parameter",
+            "the name `{name}` could mean `{}` or the parameter `{name}`: write `{}`, or rename the parameter",
             one.path, one.path
         )));
     }

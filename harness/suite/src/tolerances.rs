@@ -88,7 +88,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
     let farthest = [(f32::MAX, f32::MIN), (f32::MIN, f32::from_bits(1))];
     match farthest.into_iter().all(|(actual, expected)| passes(actual, expected)) {
         true => Err(format!(
-            "`{text}` accepts every result, because no distance between two numbers is larger"
+            "`{text}` accepts every result, because no two numbers differ by more than this bound"
         )),
         false => Ok(bound),
     }

@@ -439,7 +439,7 @@ fn mistakes_are_reported_with_the_line_of_the_variable() {
         "f",
         "image",
         Some(Sampler::LINEAR.into()),
-        &["<r>:2:23", "a Sampler that doesn't compare"],
+        &["<r>:2:23", "a Sampler without a comparison"],
     );
     told("f", "imgae", Some(ramp().into()), &["no variable `imgae`", "did you mean `image`"]);
     told(

@@ -323,7 +323,7 @@ impl Tool {
             // WGSL has no recursion, so naga's output has none.
             (
                 "Recursion detected",
-                "glslang reports recursion for a function that isn't recursive, because the value of a constant calls the function",
+                "glslang reports recursion by mistake, because the initialiser of a constant calls a function",
             ),
         ];
         let asked = self.name() == compile::GLSLANG && target == Target::Hlsl;

@@ -310,7 +310,7 @@ fn a_golden_that_is_no_file_is_an_error_at_once() {
         assert!(made.success());
     }
     let error = project.check("vulkan", &ramp(), None, None).expect_err("a pipe").to_string();
-    assert!(error.ends_with("it isn't a file or a link to a file"), "{error}");
+    assert!(error.ends_with("it is neither a file nor a link to a file"), "{error}");
     let unusable = project.goldens.pending().unusable;
     assert!(unusable[0].reason.to_string().contains("it isn't a file or a link"), "{unusable:?}");
 }

@@ -16,7 +16,7 @@ fn a_frame_that_differs_says_what_and_where() {
       fails  largest FLIP tile 0.256 of 0.01, in (24, 0) to (39, 15)
       fails  mean FLIP 0.0272 of 0.005
       FLIP used exposures of -0.44 to -0.31 stops, pinned in the golden
-      pixels off at a tolerance of 0.001: 2.083%, 0.01: 2.083%, 0.1: 2.083%, 1: 0.000%
+      pixels that exceed a tolerance of 0.001: 2.083%, 0.01: 2.083%, 0.1: 2.083%, 1: 0.000%
       would pass: a gate of rel 0.76, largest FLIP tile of 0.26, mean FLIP of 0.028
       look at `golden/room/ramp.new.exr`, then `karat accept room/ramp --because "..."` or `karat reject room/ramp`
     "#);
@@ -28,7 +28,7 @@ fn a_frame_that_differs_says_what_and_where() {
       compared: 87.5% of the frame, and the mask excludes the rest
       worst: pixel (24, 15) blue: 0.6376953 instead of 0.625, 20.3 times what is allowed
       fails  gate rel 1e-3: 20.3 times what is allowed, at (24, 15)
-      pixels off at a tolerance of 0.001: 1.190%, 0.01: 1.190%, 0.1: 0.000%, 1: 0.000%
+      pixels that exceed a tolerance of 0.001: 1.190%, 0.01: 1.190%, 0.1: 0.000%, 1: 0.000%
       would pass: a gate of rel 0.021
       look at `golden/room/ramp.new.exr`, then `karat accept room/ramp --because "..."` or `karat reject room/ramp`
     "#);
@@ -50,7 +50,7 @@ fn a_frame_that_differs_says_what_and_where() {
       fails  largest FLIP tile inf of 0.03 (alpha differs at (6, 1), and FLIP ignores alpha)
       fails  mean FLIP inf of 0.005 (alpha differs at (6, 1), and FLIP ignores alpha)
       FLIP used exposures of -0.44 to -0.31 stops, pinned in the golden
-      pixels off at a tolerance of 0.001: 0.033%, 0.01: 0.033%, 0.1: 0.033%, 1: 0.000%
+      pixels that exceed a tolerance of 0.001: 0.033%, 0.01: 0.033%, 0.1: 0.033%, 1: 0.000%
       would pass: a gate of rel 0.5
       look at `golden/room/ramp.new.exr`, then `karat accept room/ramp --profile gl-llvmpipe --because "..."` or `karat reject room/ramp`
     "#);

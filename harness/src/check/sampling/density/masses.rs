@@ -106,8 +106,8 @@ impl Run<'_> {
             CubatureError::Diverges { nodes } => {
                 let function = &self.functions.others[which].function().name;
                 Stop::Failure(self.evidence(format!(
-                    "two quadrature rules for `{function}` disagree after {nodes} nodes: this function jumps along \
-                     too many edges, or its results are noisy"
+                    "two quadrature rules for `{function}` disagree after {nodes} nodes: this function is \
+                     discontinuous in too many places, or its results are noisy"
                 )))
             }
         }
