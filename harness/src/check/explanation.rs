@@ -75,7 +75,9 @@ impl Session<'_> {
         let allowed = bound.allows(actual);
         let said = match (allowed, inside(expected)) {
             (true, true) => "; the test's tolerance is stricter than WGSL's bounds",
-            (true, false) => "; the reference isn't a result that WGSL allows for this code",
+            (true, false) => {
+                "; the reference isn't in this range: this code computes something else"
+            }
             (false, true) => "; this path's result isn't allowed",
             (false, false) => "; the result and the reference aren't allowed",
         };
