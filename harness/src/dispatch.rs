@@ -1,7 +1,7 @@
 //! Dispatches compute passes: runs entry points that share resources.
 //!
-//! [`Passes`] contain linked and validated shaders with their resources. An
-//! [`Executor`](crate::executor::Executor) runs them one after another.
+//! [`Passes`] holds linked and validated shaders with their resources. An
+//! [`Executor`](crate::executor::Executor) runs the passes one after another.
 
 mod part;
 mod runner;
@@ -216,8 +216,8 @@ impl Pass {
     }
 }
 
-/// Returns the position `(x, y, z)` of the cell with the index `number`. `counts` has the number of cells in each
-/// direction.
+/// Returns the position `(x, y, z)` of the element with the index `number` in a 3D grid. `counts` is the size of the
+/// grid.
 fn split(number: usize, counts: [u32; 3]) -> String {
     let [x, y, _] = counts.map(|count| count as usize);
     format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
@@ -253,7 +253,7 @@ fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
 }
 
 impl Passes {
-    /// Links passes and binds their fixtures. For a buffer, the test can set only the size, and leave out the contents.
+    /// Links passes and binds their fixtures. A buffer's fixture can have just a size, without contents.
     ///
     /// # Errors
     /// Returns an error if an entry point or a fixture is missing, or if there is a fixture that no pass uses.
@@ -385,7 +385,7 @@ impl Passes {
         })
     }
 
-    /// The first pass whose variable for a resource is writable, with this variable.
+    /// Finds the first pass that can write a resource. Also returns the pass's variable for the resource.
     pub(crate) fn writer(&self, resource: usize) -> Option<(&Pass, &Binding)> {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
