@@ -177,7 +177,7 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     }
 }
 
-/// Runs a job on an executor that has its own `dispatch` and `draw`.
+/// Runs a job by calling the executor's own `dispatch` or `draw`.
 fn raised(executor: &dyn Executor, job: &Job) -> Reply {
     let passes = &|passes: &Passes| dispatch(executor, passes);
     let frame = &|drawing: &Drawing<'_>| draw(executor, drawing);
