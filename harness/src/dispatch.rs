@@ -135,8 +135,8 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Checks if a path rejected the passes before it ran any pass. Returns `false` if a workgroup is too large, because
-    /// the author must fix the shader.
+    /// Checks if a path rejected the passes before it ran any pass. Returns `false` if a workgroup is too large,
+    /// because the author must fix the shader.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),
@@ -449,8 +449,7 @@ impl Passes {
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
-    /// Returns a buffer's name and type, and its contents before the first pass. The name may continue with a member, as
-    /// in `particles.position`.
+    /// Returns a buffer's name and type, and its contents before the first pass.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
