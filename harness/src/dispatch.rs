@@ -1,7 +1,7 @@
 //! Dispatches compute passes: runs entry points that share resources.
 //!
-//! [`Passes`] contain linked and validated shaders with their resources. An
-//! [`Executor`](crate::executor::Executor) runs them one after another.
+//! [`Passes`] holds linked and validated shaders with their resources. An
+//! [`Executor`](crate::executor::Executor) runs the passes one after another.
 
 mod part;
 mod runner;
@@ -52,7 +52,8 @@ pub enum DispatchError {
     /// There are no passes.
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
-    /// In some direction, a dispatch has no workgroups or more than 65535 workgroups. Every GPU supports up to 65535.
+    /// The number of workgroups in one direction is 0, or more than 65535. Every GPU supports up to 65535 workgroups in
+    /// each direction.
     #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The name of the entry point.
@@ -134,8 +135,8 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Checks if a path rejected the passes before it ran any pass. A workgroup that is too large doesn't count as a
-    /// rejection, because the author must fix the shader.
+    /// Checks if a path rejected the passes before it ran any pass. Returns `false` if a workgroup is too large,
+    /// because the author must fix the shader.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),
@@ -147,7 +148,7 @@ impl DispatchError {
     }
 }
 
-/// The number of workgroups that every device supports in one direction.
+/// The largest number of workgroups in one direction that every device supports.
 pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
 
 /// A dispatch, as the test's author describes it.
@@ -216,8 +217,8 @@ impl Pass {
     }
 }
 
-/// Returns the position `(x, y, z)` of the cell with the index `number`. `counts` has the number of cells in each
-/// direction.
+/// Returns the position `(x, y, z)` of the element with the index `number` in a 3D grid. `counts` is the size of the
+/// grid.
 fn split(number: usize, counts: [u32; 3]) -> String {
     let [x, y, _] = counts.map(|count| count as usize);
     format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
@@ -253,7 +254,7 @@ fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
 }
 
 impl Passes {
-    /// Links passes and binds their fixtures. For a buffer, the test can set only the size, and leave out the contents.
+    /// Links passes and binds their fixtures. A buffer's fixture can have just a size, without contents.
     ///
     /// # Errors
     /// Returns an error if an entry point or a fixture is missing, or if there is a fixture that no pass uses.
@@ -385,7 +386,7 @@ impl Passes {
         })
     }
 
-    /// The first pass whose variable for a resource is writable, with this variable.
+    /// Finds the first pass that can write a resource. Also returns the pass's variable for the resource.
     pub(crate) fn writer(&self, resource: usize) -> Option<(&Pass, &Binding)> {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
@@ -440,15 +441,15 @@ impl Passes {
         Some(pass.program.lanes_of_words(binding, words))
     }
 
-    /// Returns the components of a buffer before the first pass. Returns `None` if no pass writes the buffer, or if the
-    /// resource isn't a buffer.
+    /// Returns the contents of a buffer before the first pass, as components. Returns `None` if no pass writes the
+    /// buffer, or if the resource isn't a buffer.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
-    /// Returns the name, the type and the components of a buffer before the first pass.
+    /// Returns a buffer's name and type, and its contents before the first pass.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {

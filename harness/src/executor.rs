@@ -177,7 +177,7 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     }
 }
 
-/// Runs a job on an executor that has its own `dispatch` and `draw`.
+/// Runs a job by calling the executor's own `dispatch` or `draw`.
 fn raised(executor: &dyn Executor, job: &Job) -> Reply {
     let passes = &|passes: &Passes| dispatch(executor, passes);
     let frame = &|drawing: &Drawing<'_>| draw(executor, drawing);
@@ -284,9 +284,9 @@ pub fn call(
     Ok(results.chunks_exact(width).map(<[u32]>::to_vec).collect())
 }
 
-/// Accepts results in which the driver left some words unwritten, if WGSL allows any value for each of these words.
-/// Unwritten words keep their previous value, a NaN. Returns `error` if WGSL doesn't allow any value for one of the
-/// words, because then the driver lost a write.
+/// Accepts results in which the driver left some words unwritten, if WGSL sets no bounds for these words. Unwritten
+/// words keep their previous value, a NaN. Returns `error` if WGSL sets bounds for an unwritten word, because then the
+/// driver lost a write.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),

@@ -85,7 +85,7 @@ pub(crate) fn split(name: &str) -> (&str, &str) {
     }
 }
 
-/// The members with which a path may begin.
+/// The members with which a path can begin.
 pub(crate) fn members(shape: &Shape) -> Vec<String> {
     match shape {
         Shape::Array { element, .. } => members(element),

@@ -106,7 +106,7 @@ pub struct Watched {
     /// The number of orders of invocations that Karat tried in addition to its default order.
     #[serde(default)]
     pub orders: u64,
-    /// `true` if Karat tried all orders that may have different effects.
+    /// `true` if Karat tried all orders that could have different effects.
     #[serde(default)]
     pub all_orders: bool,
     /// Elements that a pass reads before any pass writes them. Each text has the element, such as `partials[3]`, and

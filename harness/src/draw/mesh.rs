@@ -185,7 +185,7 @@ mod tests {
         let _ = triangle().attribute(1, &[Vec3::X; 2]);
     }
 
-    /// Meshes accept the same vector types as functions.
+    /// A mesh's attributes can have the same vector types as a function's arguments.
     #[test]
     fn vectors_of_any_kind_are_attributes() {
         let mesh = Mesh::new(vec![[0.0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![0, 1, 2]);

@@ -447,7 +447,7 @@ impl Draw {
         own.is_none_or(|(_, channels)| !channels.is_empty())
     }
 
-    /// The indices of the targets for which this draw sets a blending or a write mask.
+    /// The indices of the targets for which this draw sets the blending or a write mask.
     pub(super) fn named_targets(&self) -> impl Iterator<Item = usize> {
         let masks = self.state.masks.iter().map(|(target, _)| *target);
         self.state.blends.iter().map(|(target, _)| *target).chain(masks)

@@ -174,7 +174,7 @@ pub(super) struct State {
     pub(super) bias: DepthBias,
     pub(super) stencil: Option<Stencil>,
     pub(super) blend: Option<Blend>,
-    /// The blendings that the draw sets for single targets, each with the index of its target.
+    /// The blending formulas that the draw sets for single targets, each with the index of the target.
     pub(super) blends: Vec<(usize, Blend)>,
     pub(super) blend_constant: [f32; 4],
     /// The channels to write for each target that has a mask, such as `"rgb"`.

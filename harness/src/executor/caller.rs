@@ -35,7 +35,7 @@ pub struct Running<'p> {
 #[derive(Clone, Copy)]
 pub struct View<'r> {
     pub(crate) words: &'r [u32],
-    /// The distance in words between the starts of two results.
+    /// The number of words from the start of one result to the start of the next.
     pub(crate) stride: usize,
     /// The number of words in one result.
     pub(crate) width: usize,
@@ -176,7 +176,7 @@ mod tests {
     use crate::path::Adapter;
     use crate::probe::Partial;
 
-    /// A driver that writes 7 into every word except the words with these indices. A case has three words.
+    /// A driver that writes 7 into every word except the words with these indices. Each result takes three words.
     #[derive(Clone, Debug)]
     struct Dropping(Vec<usize>);
 
@@ -221,7 +221,7 @@ mod tests {
         }
     }
 
-    /// A driver may leave a value unwritten only if WGSL allows any value.
+    /// Karat accepts an unwritten value only if WGSL sets no bounds for the value.
     // Lesson 174
     #[test]
     fn a_driver_may_leave_only_unbounded_results_unwritten() {

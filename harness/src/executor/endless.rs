@@ -5,7 +5,7 @@ use crate::interpret::{Alone, Interpreted};
 use crate::path::{Device, MOST_ROUNDS, PathError};
 use crate::probe::{Call, Prepared, ProbeError, Started, VECTOR};
 
-/// The number of iterations that each case may take. A driver runs several cases together as a vector, and
+/// The largest number of iterations that is allowed for one case. A driver runs several cases together as a vector, and
 /// limits the sum of their iterations.
 const ROUNDS: u64 = MOST_ROUNDS / VECTOR as u64;
 
@@ -72,11 +72,11 @@ impl Prepared for Guarded<'_> {
     }
 }
 
-/// Guards a function with a loop for which naga's IR shows no bound. If the engine can run the function, the engine
-/// runs each batch before the driver does. Some drivers silently stop long loops. On these drivers, most kernels count
-/// their own iterations. Other kernels can't count iterations: kernels that run each case alone, and kernels that run
-/// in a fragment shader. For these kernels, the engine must run each batch first. If the engine can't run such a
-/// kernel, returns an error.
+/// Guards a driver against endless loops, if naga's IR shows no bound for one of the function's loops. If the engine
+/// can run the function, the engine runs each batch before the driver does. Some drivers silently stop long loops. On
+/// these drivers, most kernels count their own iterations. Other kernels can't count iterations: kernels that run each
+/// case alone, and kernels that run in a fragment shader. For these kernels, the engine must run each batch first. If
+/// the engine can't run such a kernel, returns an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,

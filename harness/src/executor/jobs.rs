@@ -209,7 +209,7 @@ mod tests {
     use crate::package::Package;
     use crate::probe::Probed;
 
-    /// Returns a function's results, row by row, through jobs that the engine runs.
+    /// Calls a function through jobs that the engine runs, and returns the results row by row.
     fn called(text: &str, fixtures: Fixtures, rows: &[u32]) -> Vec<Vec<u32>> {
         called_with(&|_, _| {}, text, fixtures, rows).expect("it runs")
     }

@@ -40,7 +40,7 @@ impl Tap {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// Checks if the tap selects every `print` in the shader (`karat:print`).
+    /// Checks if the tap selects every `print` in the shader: `Tap::new("karat:print")`.
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"
@@ -218,7 +218,8 @@ impl Candidate {
         is_own.then(|| format!("{}::{name}", program.path_of(&self.value.function)))
     }
 
-    /// A line with the name and type of the value. Except for a parameter, the line also has the text and the position.
+    /// A line with the name and type of the value. If the value isn't a parameter, the line also has its text and
+    /// position.
     fn told(&self, program: &Program) -> String {
         let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
         let shape = match &self.value.shape {
@@ -372,8 +373,8 @@ pub(crate) struct Wanted {
     shape: Shape,
 }
 
-/// Finds the value that the caller named. The `bool` is `true` if another value in the function has the same name. The
-/// last part is the member or element that the caller named, if any.
+/// Finds the value that the caller named. The `bool` is `true` if another value in the function has the same name.
+/// [`Wanted`] is the member or element of the value, if the caller named one.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
