@@ -2,8 +2,8 @@
 //! change of the shader.
 //!
 //! `cargo run --bin found -- docs/found` runs all checks over crates that cargo fetches, and writes a page for each
-//! fault. If a check passes on the released shader, or fails on the repaired shader, the program fails. `cargo ci
-//! found` runs the program.
+//! fault. If a check passes on the released shader, or fails on the repaired shader, the program fails.
+//! `cargo ci found` runs the program.
 
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::FRAC_PI_2;
