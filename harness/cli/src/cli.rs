@@ -373,7 +373,7 @@ impl PlaceArgs {
 #[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
     /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else each
-    /// folder `shaders` beside a Cargo.toml, and the folders that the tests of the last run used; without a Cargo.toml,
+    /// folder `shaders` beside a Cargo.toml, and the folders that tests used in earlier runs; without a Cargo.toml,
     /// `shaders`, else the working directory]
     #[arg(long = "shaders", value_name = "DIR")]
     package: Option<PathBuf>,
