@@ -33,9 +33,8 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// The arguments of the command that builds the demo's programs. If the command named fewer packages than the whole
-/// workspace, or no tests, Cargo would choose other features for shared dependencies, and compile these dependencies
-/// twice.
+/// The arguments of the command that builds the demo's programs. With `--workspace` and the tests, Cargo chooses the
+/// same features for shared dependencies as in other commands, and compiles these dependencies only once.
 pub(crate) const BUILD: &[&str] = &[
     "build",
     "--workspace",

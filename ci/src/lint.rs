@@ -40,8 +40,9 @@ fn clippy() -> Result<()> {
 }
 
 /// Makes `cargo doc` reuse the metadata that Clippy wrote for the workspace's libraries. Cargo reuses metadata only if
-/// the same program wrote it with the same arguments. `cargo clippy` passes this program and its arguments in two
-/// environment variables, so this function sets the same variables. Otherwise Cargo would check the libraries again.
+/// the same program wrote it with the same arguments. `cargo clippy` names the program `clippy-driver` and its
+/// arguments in two environment variables, and this function sets these variables for `cargo doc`. Otherwise Cargo
+/// would check the libraries again.
 fn after_clippy(doc: &mut Command) {
     let sysroot = Command::new("rustc").args(["--print", "sysroot"]).output();
     let sysroot = sysroot

@@ -33,10 +33,10 @@ const WRITTEN: [&str; 5] = [
 /// The fewest words of a sentence. A shorter text is mostly a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
-/// The code before string literals that no user sees.
+/// The code that stands directly before a string literal for developers. Users don't see such a literal.
 const UNSEEN: [&str; 4] = ["expect(", "expect_err(", "unreachable!(", "reason ="];
 
-/// The beginnings of string literals that are generated code. No user reads such a literal as a sentence.
+/// The beginnings of string literals that contain WGSL or Rust code, not sentences.
 const CODE_BEGINS: [&str; 10] =
     ["@", "#[", "[", "fn ", "struct ", "import ", "enable ", "var<", "let ", "const "];
 const CODE_ENDS: [&str; 3] = [";", "{{", "}}"];
@@ -171,8 +171,8 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
 }
 
 /// Returns the string literals in Rust code that users see, without their line breaks. Leaves out shaders (raw
-/// strings), generated code, and messages for developers (`expect`, `unreachable!`). Reads the code without a parser of
-/// Rust, because `ci` must compile before everything else.
+/// strings), generated code, and messages for developers (`expect`, `unreachable!`). Scans the text instead of using a
+/// crate that parses Rust, because the package `ci` should stay small.
 fn literals(text: &str) -> Vec<Paragraph> {
     let (mut found, mut rest, mut line) = (Vec::new(), text, 1);
     while let Some(first) = rest.chars().next() {

@@ -234,7 +234,7 @@ fn circles(all: &[Source]) -> Vec<String> {
     rooms.iter().flat_map(of_room).collect()
 }
 
-/// Returns the names with which the rest of a Rust path begins: `a` for `a::b`, or `a` and `b` for `{a, b::c}`.
+/// Returns the first name of a Rust path, or of each path in braces: `a` for `a::b`, `a` and `b` for `{a, b::c}`.
 fn first_names(text: &str) -> Vec<String> {
     let Some(inner) = text.strip_prefix('{') else { return vec![word(text)] };
     let (mut depth, mut names, mut begins) = (0_usize, Vec::new(), true);

@@ -1,10 +1,11 @@
-//! Finds a Chromium for the tests of the review page. The tests search for Chromium in the same folders.
+//! Finds a Chromium for the tests of the review page. The tests of the review page search in the same folders as this
+//! module.
 
 use std::path::PathBuf;
 
 use super::host::Host;
 
-/// The names of programs that are a Chromium, the preferred name first.
+/// The names of Chromium's and Chrome's programs, the preferred name first.
 const NAMES: [&str; 7] = [
     "chromium",
     "chromium-browser",

@@ -17,7 +17,7 @@ pub(crate) enum Wanted {
     Browser,
     /// The programs that check and compile naga's translations.
     Validators,
-    /// Node with npm, or on Debian pip, which then installs Node with npm.
+    /// Node and npm. On Debian, this group contains only pip, and pip then installs Node and npm.
     Node,
 }
 
@@ -116,7 +116,7 @@ enum Failing {
     Tolerated,
 }
 
-/// The way to become root, as the package manager requires.
+/// The way in which this process can run a package manager as root.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Privilege {
     Root,

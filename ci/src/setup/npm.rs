@@ -16,8 +16,8 @@ use crate::command;
 
 /// The oldest major version of Node that can run Dawn. Node 18 crashes when it loads Dawn.
 const OLDEST_NODE: u32 = 20;
-/// The name of the lock files. Setup copies the lock file beside the installed packages, and compares both files to see
-/// if the packages are current.
+/// The name of the lock files. Setup copies the lock file beside the installed packages, and later compares the copy
+/// with the original to see if the packages are current.
 const LOCK: &str = "package-lock.json";
 
 /// Installs Tint, unless it is installed already.
@@ -150,8 +150,8 @@ fn npm_of(node: &Path) -> Option<Command> {
     Some(npm)
 }
 
-/// Installs a Node for Karat's tests with pip, and returns its npm. If pip is missing, the distribution's package
-/// manager installs pip or Node first.
+/// Uses pip to install a Node for Karat's tests, and returns the npm of this Node. If pip is missing, the
+/// distribution's package manager installs pip or Node first.
 fn own_npm(staged: &Path) -> Result<Command> {
     let host = Host::current();
     let has_pip = || {

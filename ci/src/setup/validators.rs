@@ -1,5 +1,4 @@
-//! Finds the programs that check and compile naga's translations. `karat` searches for these programs in the same
-//! folders.
+//! Finds the programs that check and compile naga's translations. `karat` searches in the same folders as this module.
 
 use std::path::PathBuf;
 

@@ -372,9 +372,9 @@ impl PlaceArgs {
 /// The options that name the shaders.
 #[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
-    /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else
-    /// `shaders` beside a Cargo.toml and the folders of recorded tests; without a Cargo.toml, `shaders`, else the
-    /// working directory]
+    /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else each
+    /// folder `shaders` beside a Cargo.toml, and the folders that tests used in earlier runs; without a Cargo.toml,
+    /// `shaders`, else the working directory]
     #[arg(long = "shaders", value_name = "DIR")]
     package: Option<PathBuf>,
     /// Uses the shaders of a crate that the project builds (`bevy_pbr`), or of any crate at an exact version

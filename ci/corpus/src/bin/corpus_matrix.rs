@@ -22,7 +22,7 @@ mod list;
 
 use list::{List, Wanted};
 
-/// The number of inputs for each function. 64 inputs are enough to show that a translation is wrong.
+/// The number of inputs for each function. A wrong translation usually fails for some of 64 inputs.
 const CASES: usize = 64;
 
 /// The problems that a cell of the matrix can report. The printed table counts the cells with each problem.
@@ -36,8 +36,8 @@ struct Sum {
     wrong: usize,
     /// For each column of the matrix, the number of rows with each status or problem.
     counts: BTreeMap<String, BTreeMap<String, usize>>,
-    /// For each text that [`reason`] returns, the number of rows with this problem, and the name of the first of these
-    /// rows.
+    /// The problems of the rows: for each text that [`reason`] returns, the number of rows with a problem of this text,
+    /// and the name of the first such row.
     reasons: BTreeMap<String, (usize, String)>,
     /// The error, if Karat couldn't compute the matrix of the crate.
     error: Option<String>,

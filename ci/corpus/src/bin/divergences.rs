@@ -35,8 +35,8 @@ enum Answer {
     Stopped(String),
 }
 
-/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4). A case fails if its bounds allow
-/// an error above 1.
+/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4). A case also fails if WGSL's
+/// bounds allow an absolute error above 1 for this case.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }
@@ -84,8 +84,9 @@ macro_rules! questions {
 }
 
 /// The tested expressions. The domain of each expression has only arguments for which WGSL bounds the error of the
-/// result. For example, the domain of `sin` and `cos` is -pi to pi. WGSL takes the bounds of `asin` and `acos` from
-/// `atan2`, so their domains leave out arguments for which `atan2` is near 0.
+/// result. For example, the domain of `sin` and `cos` is -pi to pi. The domains of `asin` and `acos` stay away from 0
+/// and 1: WGSL bounds both functions by `atan2` of `x` and `sqrt(1 - x * x)`, and doesn't bound `atan2` if an argument
+/// is 0.
 const QUESTIONS: &[Question] = questions! {
     "x + y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x + y, within();
     "x - y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x - y, within();
@@ -262,8 +263,8 @@ fn write_all(folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// Converts the result of a check into an answer for each path. Returns an error if the check failed for another reason
-/// than wrong results or an error on a path.
+/// Converts the result of a check into an answer for each path. Wrong results and errors on a path become answers. For
+/// any other failure of the check, returns an error.
 fn answers(
     asked: Result<Agreement, Failure>,
     question: &Question,

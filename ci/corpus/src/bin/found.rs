@@ -2,8 +2,8 @@
 //! change of the shader.
 //!
 //! `cargo run --bin found -- docs/found` runs all checks over crates that cargo fetches, and writes a page for each
-//! fault. If a check passes on the released shader, or fails after the change, the program fails. `cargo ci found` runs
-//! the program.
+//! fault. If a check passes on the released shader, or fails on the repaired shader, the program fails.
+//! `cargo ci found` runs the program.
 
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::FRAC_PI_2;
@@ -71,7 +71,7 @@ struct Found {
     check: Check,
     /// The text to replace in the function's module, and the new text.
     change: [&'static str; 2],
-    /// A second check, which only the repaired function must pass.
+    /// A second check, which runs only on the repaired function.
     mended: Option<Check>,
 }
 

@@ -19,9 +19,9 @@ karat::shareable! {
         trans_ix: u32,
         /// The number of segments.
         pathseg_ix: u32,
-        /// The number of `u32`s with coordinates.
+        /// The number of `u32`s that contain the coordinates of the segments.
         pathseg_offset: u32,
-        /// The number of `u32`s with styles.
+        /// The number of `u32`s that contain the styles.
         style_ix: u32,
         /// The number of paths.
         path_ix: u32,
@@ -42,8 +42,7 @@ fn scene() -> Vec<u32> {
 }
 
 /// Returns the counts that one tag adds to the sums, in the order of [`TagMonoid`]'s members. `vello_encoding::PathTag`
-/// documents the bits of a tag: two bits for the number of points of a segment, and one bit each for a path, a
-/// subpath's end (which adds a point), 32-bit instead of 16-bit coordinates, a transform and a style.
+/// documents the bits of a tag.
 fn of_tag(tag: u32) -> [u32; 5] {
     let segment = tag & 3;
     let points = segment + (tag >> 2 & 1);

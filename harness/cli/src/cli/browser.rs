@@ -1,8 +1,8 @@
 //! `karat browser`: serves a page, and runs the tests in the browser that opens this page.
 //!
 //! `karat test` and the test programs start `karat` again as an executor (`KARAT_EXECUTORS`). The executor passes each
-//! job to the `karat browser` that serves the page. The executor reads the port and the secret of this process from a
-//! file that only the current user can read.
+//! job to the `karat browser` that serves the page. The executor reads the port and the secret of `karat browser` from
+//! a file that only the current user can read.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};

@@ -80,8 +80,8 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// Does the work of [`validate`], and also returns the verdicts of compilers other than naga. In a package that no
-/// manifest and no option declares, Karat also accepts modules that are valid with the features of a test in `uses`.
+/// Does the work of [`validate`], and also returns the verdicts of compilers other than naga. In an undeclared package
+/// (see `Found::stated`), Karat also accepts modules that are valid with the features of a test in `uses`.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -166,8 +166,7 @@ pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
 }
 
-/// Returns two lists of names: of the invalid modules, and of the packages that are invalid for another reason than an
-/// invalid module.
+/// Returns two lists of names: the invalid modules, and the packages that Karat refuses as a whole.
 pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>) {
     let (mut modules, mut packages) = (Vec::new(), Vec::new());
     for (package, invalid) in invalid {
@@ -183,8 +182,8 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
 }
 
 /// Returns the invalid packages, and the verdicts of compilers other than naga on all packages. Karat validates a
-/// package with the settings in its `karat.toml`. In a package that no manifest and no option declares, Karat also
-/// accepts modules that are valid with the features and dependencies of a test of the run `run`.
+/// package with the settings in its `karat.toml`. In an undeclared package (see `Found::stated`), Karat also accepts
+/// modules that are valid with the features and dependencies of a test in the record `run`.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,

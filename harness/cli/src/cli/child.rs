@@ -1,5 +1,5 @@
-//! Runs other programs. If the program that reads Karat's output ends early, as `head` does, the exit codes of the
-//! other programs don't change.
+//! Runs other programs. If the reader of Karat's output ends early, as `head` does, the programs that Karat runs keep
+//! their exit codes.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};
@@ -31,8 +31,9 @@ pub(super) fn verdict(line: &str) -> Option<(&str, &str)> {
 
 /// Runs a program, and calls `line` with each line of its standard output.
 ///
-/// If standard error isn't a terminal, this process copies the program's standard error, too. If the program wrote
-/// directly to a closed pipe, the program would end before it prints its verdict.
+/// If Karat's standard error isn't a terminal, Karat reads the program's standard error, and prints each line to its
+/// own standard error. If the program wrote directly to a closed pipe, the program would end before it prints its
+/// verdict.
 pub(super) fn run(
     command: &mut Command,
     line: impl FnMut(&str) -> anyhow::Result<()>,

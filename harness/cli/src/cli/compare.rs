@@ -268,8 +268,8 @@ const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
-    /// Karat prints a distance in ULP only if it is smaller than this. A distance of 2^20 ULP is about an eighth of the
-    /// value, so the relative difference is easier to understand.
+    /// The smallest distance in ULP that Karat doesn't print. A distance of 2^20 ULP is about an eighth of the value,
+    /// so the relative difference is easier to understand.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", only in the sign of a zero".to_owned(),

@@ -243,8 +243,8 @@ fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// Prints the number of lines that ran in each variant, if there are several variants. A variant is the shaders with
-/// one set of features.
+/// Prints the number of lines that ran in each variant, if there are several variants. The shaders have a variant for
+/// each set of features that the tests use.
 fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let variants = union.variants();
     if variants.len() < 2 {

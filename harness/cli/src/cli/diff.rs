@@ -66,8 +66,8 @@ pub(super) struct Args {
     /// the image is an EXR file with a part `mask`, Karat uses that part
     #[arg(long, value_name = "IMAGE")]
     mask: Option<PathBuf>,
-    /// Writes HDR-FLIP of each pixel to this file. A PNG has colours (magma, black for 0) and a legend with the
-    /// scale, which suits the largest error; an EXR has the errors themselves
+    /// Writes HDR-FLIP of each pixel to this file. A PNG has colours (magma, black for 0) and a legend, whose scale
+    /// depends on the largest error; an EXR has the errors themselves
     #[arg(long, value_name = "OUT", value_parser = heatmap::file)]
     heatmap: Option<PathBuf>,
     /// Prints JSON

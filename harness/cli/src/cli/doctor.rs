@@ -91,7 +91,7 @@ fn tools() -> Vec<ToolReport> {
     Tool::all().iter().map(report).collect()
 }
 
-/// A WGSL compiler besides naga, which checks the author's files.
+/// A WGSL compiler, besides naga, that can check modules.
 #[derive(Serialize)]
 struct CompilerReport {
     name: &'static str,

@@ -157,7 +157,7 @@ pub(super) struct AcceptArgs {
     /// Stores this name with the golden: who accepted it [default: Git's user.name, else the login name]
     #[arg(long, value_name = "NAME")]
     by: Option<String>,
-    /// Accepts a frame even if another driver than lavapipe rendered it
+    /// Accepts a frame even if a driver other than lavapipe rendered it
     #[arg(long)]
     any_adapter: bool,
     /// Makes the frame the golden for this profile only, such as `gl-llvmpipe`; the other profiles keep their golden
@@ -402,7 +402,7 @@ impl Waiting {
     }
 }
 
-/// A name or glob of frames from the command line, after the name of a crate if the user typed one: `lamp::dusk`.
+/// A name or glob of frames from the command line: `dusk*`, or with the name of a crate: `lamp::dusk`.
 struct Wanted {
     krate: Option<Option<glob::Pattern>>,
     name: String,

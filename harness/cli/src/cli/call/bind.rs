@@ -50,7 +50,7 @@ pub(in crate::cli) fn overrides_in(
     }
 }
 
-/// Returns the given values without those of overrides that this package lacks.
+/// Returns the given values for the overrides that this package has.
 pub(in crate::cli) fn overrides_of(
     package: &Package,
     given: &BTreeMap<String, f64>,

@@ -98,8 +98,7 @@ pub(super) struct Given {
 
 impl Given {
     /// Returns the command's outcome: an error if a path has no results, and [`Ending::Bad`] if an assertion of the
-    /// shader failed. Prints the failed assertion. Call this function after you have printed the results of the other
-    /// paths.
+    /// shader failed. Prints the failed assertion. Call this function after you have printed the results.
     pub(super) fn ending(&self) -> Outcome {
         let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();

@@ -145,7 +145,7 @@ impl Union {
     }
 
     /// Returns each variant with two numbers: of the lines that ran in this variant, and of the lines that ran only in
-    /// this variant. A variant is the shaders with one set of features.
+    /// this variant. The shaders have a variant for each set of features that the tests use.
     pub(super) fn variants(&self) -> Vec<(&str, usize, usize)> {
         let mut known: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
         for line in self.files.values().flat_map(|file| file.lines().into_values()) {

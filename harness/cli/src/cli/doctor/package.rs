@@ -1,5 +1,5 @@
-//! `karat doctor PACKAGE`: finds lines for `karat.toml` that make modules whole, and lists the modules that aren't
-//! whole even with these lines. A module is whole if it links and is valid.
+//! `karat doctor PACKAGE`: finds the lines that a package's `karat.toml` lacks, and lists the modules that have errors
+//! even with these lines. In this file, a module is whole if it links and is valid.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -90,10 +90,10 @@ struct Left {
 struct Report {
     package: String,
     modules: usize,
-    /// The number of modules that are whole without the new lines.
+    /// The number of modules that link and are valid without the new lines.
     whole: usize,
     lines: Vec<Line>,
-    /// The number of modules that are whole with the new lines.
+    /// The number of modules that link and are valid with the new lines.
     then_whole: usize,
     /// The lines that errors ask for, but that Karat doesn't write: the file already sets the line's key, or the line
     /// makes no module valid.
@@ -207,7 +207,7 @@ impl<'p> Trial<'p> {
             .is_ok()
     }
 
-    /// Removes each line that doesn't increase the number of whole modules, and returns the removed lines.
+    /// Removes each line that doesn't reduce the number of modules with errors, and returns the removed lines.
     fn sift(&mut self) -> Vec<Line> {
         let all = self.errors(&self.lines).len();
         let without = |at: usize| {
@@ -224,8 +224,8 @@ impl<'p> Trial<'p> {
         others
     }
 
-    /// Returns the error with which `karat check` refuses the whole package, with the found lines. Returns `None` if
-    /// there is no error, or if only single modules have errors.
+    /// Returns the error with which `karat check` refuses the whole package even if `karat.toml` has the found lines.
+    /// Returns `None` if there is no error, or if only single modules have errors.
     fn refused(&self) -> Option<String> {
         let package = self.package.unsaved(&self.file, &self.with(&self.lines));
         match package.try_is_valid() {
