@@ -229,8 +229,8 @@ mod tests {
         DVec3::new(0.6 * sin, -0.8 * sin, cos)
     }
 
-    /// The factor by which `sample` maps a small area of random numbers around `u` to a solid angle, computed by
-    /// central differences. This factor is 1 / density.
+    /// The solid angle to which `sample` maps a small square around `u`, divided by the square's area. The function
+    /// computes this ratio by central differences. It is the reciprocal of the density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);

@@ -81,7 +81,7 @@ pub(super) fn sanitizer() {
     println!("  in another order, each     {}", Spread::of(order));
 }
 
-/// The number of other orders in which the benchmark runs the pass.
+/// The number of orders, besides the usual one, in which the benchmark runs the invocations of the pass.
 const ORDERS: &str = "6";
 
 /// A shader in which each workgroup has a tile of 64 `u32`s. Each invocation adds up the weighted values of the tile,
