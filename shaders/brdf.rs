@@ -159,8 +159,8 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
 /// The rule has `rings` Gauss-Legendre points in y, where theta = alpha sinh(y). So the points cover both a lobe and
 /// its tail. Each quarter of azimuth has `spokes` points. The points are denser near azimuths at right angles to the
 /// plane of `v`, where `limit` changes quickly if the view is grazing. The integrand is symmetric about that plane, so
-/// the azimuths cover only 180 degrees, with twice the weight. The half vectors lie alternately on both sides of the
-/// plane.
+/// the azimuths cover only 180 degrees, with twice the weight. Every second half vector is mirrored to the other side
+/// of the plane.
 fn sweep(
     alpha: f64,
     v: DVec3,

@@ -275,9 +275,9 @@ fn reflectances_are_finite_and_not_negative() {
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
 }
 
-/// One cosine goes down to 1e-18, and the other to the smallest normal f32, so f32 can't represent their product. WGSL
-/// may flush the numerator of D to 0 if it is below exp(-87). The factor 1 / (4 N.V N.L) multiplies this error. The
-/// test leaves out results above 1e37, near the largest f32.
+/// One cosine goes down to 1e-18, and the other to the smallest normal f32, so f32 can't represent their product. If
+/// the numerator of D is below exp(-87), a driver may flush the numerator to 0. The factor 1 / (4 N.V N.L) multiplies
+/// the error from flushing. The test leaves out results above 1e37, near the largest f32.
 // Lesson 31
 #[test]
 fn cook_torrance_eval_at_the_horizon() {

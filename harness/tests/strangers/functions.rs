@@ -482,7 +482,7 @@ fn implicit_levels_of_detail() {
 }
 
 /// The level of detail of a cube map depends on the distance between the points that two adjacent pixels sample on a
-/// face. The longer the direction vectors are, the shorter is this distance for the same derivatives.
+/// face. The longer the direction vectors are, the shorter this distance is for the same derivatives.
 #[test]
 fn implicit_levels_of_detail_of_cubes() {
     let package = check(
