@@ -159,8 +159,8 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
 /// The rule has `rings` Gauss-Legendre points in y, where theta = alpha sinh(y). So the points cover both a lobe and
 /// its tail. Each quarter of azimuth has `spokes` points. The points are denser near azimuths at right angles to the
 /// plane of `v`, where `limit` changes quickly if the view is grazing. The integrand is symmetric about that plane, so
-/// the azimuths cover only 180 degrees, with twice the weight. The half vectors lie alternately on both sides of the
-/// plane.
+/// the azimuths cover only 180 degrees, with twice the weight. Every second half vector is mirrored to the other side
+/// of the plane.
 fn sweep(
     alpha: f64,
     v: DVec3,
@@ -229,8 +229,8 @@ mod tests {
         DVec3::new(0.6 * sin, -0.8 * sin, cos)
     }
 
-    /// The factor by which `sample` maps a small area of random numbers around `u` to a solid angle, computed by
-    /// central differences. This factor is 1 / density.
+    /// The solid angle to which `sample` maps a small square around `u`, divided by the square's area. The function
+    /// computes this ratio by central differences. It is the reciprocal of the density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);

@@ -13,7 +13,7 @@ karat::shareable! {
     }
 }
 
-/// The setup of a camera. Lengths are in the scene's unit.
+/// A camera's position, target, field of view, and near and far planes. Lengths are in the scene's unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup {
     /// The position of the camera.

@@ -16,7 +16,7 @@ pub fn ggx(alpha: f64, n_dot_h: f64) -> f64 {
     ggx_slope(alpha, tan2(n_dot_h), n_dot_h)
 }
 
-/// Computes `ggx` from the vectors, with the tangent |N x H| / N.H.
+/// Computes `ggx` from the vectors. The tangent is the length of N x H, divided by N.H.
 #[must_use]
 pub fn ggx_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     if n.dot(h) <= 0.0 {
@@ -34,7 +34,7 @@ pub fn beckmann(alpha: f64, n_dot_h: f64) -> f64 {
     beckmann_slope(alpha, tan2(n_dot_h), n_dot_h)
 }
 
-/// Computes `beckmann` from the vectors, with the tangent |N x H| / N.H.
+/// Computes `beckmann` from the vectors. The tangent is the length of N x H, divided by N.H.
 #[must_use]
 pub fn beckmann_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     if n.dot(h) <= 0.0 {

@@ -36,8 +36,8 @@ pub fn studio(direction: DVec3) -> DVec3 {
     room + key.seen_from_centre(d) + fill.seen_from_centre(d) + sun(d)
 }
 
-/// A warm lamp: its radiance in the red channel is 50 at the centre, and falls smoothly to 0 at 16 degrees from the
-/// centre.
+/// The sun's radiance, which has a warm colour. The red channel is 50 at the sun's centre, and falls smoothly to 0 at
+/// 16 degrees from the centre.
 ///
 /// If a shader samples 64 directions on the hemisphere, they are about 18 degrees apart. A sun of a few degrees would
 /// lie between these directions, and each diffuse sphere would show 64 copies of the sun.

@@ -61,11 +61,11 @@ pub fn schlick_average(f0: DVec3) -> DVec3 {
 
 /// Computes int F d(cos^2) for `eta` > 0, by quadrature of the exact `dielectric`.
 ///
-/// Beyond the critical angle F is 1. For the rest of the range of cos^2, s goes from 0 to 1, and the function computes
-/// a trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 to almost 0 within a narrow range of cos^2,
-/// about |eta^2 - 1| wide. Thanks to the logarithm, the sum is accurate in this range, too. The error of the sum falls
-/// as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because each singularity of the integrand is at
-/// least pi away from the real axis.
+/// Beyond the critical angle F is 1. The function maps the rest of the range of cos^2 to s in 0..=1, and computes a
+/// trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 to almost 0 within a narrow range of cos^2: the
+/// range is about as wide as the difference between eta^2 and 1. Thanks to the logarithm, the sum is accurate in this
+/// range, too. The error of the sum falls as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), because
+/// each singularity of the integrand is at least pi away from the real axis.
 #[must_use]
 pub fn dielectric_average(eta: f64) -> f64 {
     const STEP: f64 = 0.5; // 1e-17

@@ -29,8 +29,8 @@ pub fn stepped_depth(depth: f64) -> f64 {
     depth - depth.rem_euclid(STEP)
 }
 
-/// Returns a colour that labels a pixel: R is the number of the sphere. G and B are X and Y of the normal, mapped from
-/// -1..=1 to 0..=1.
+/// Returns a colour that labels a pixel: R is the number of the sphere. G and B are X and Y of the normal, mapped to
+/// 0..=1.
 #[must_use]
 pub fn label(instance: u32, normal: DVec3) -> DVec3 {
     let share = (normal.truncate() - DVec2::NEG_ONE) / 2.0;

@@ -44,7 +44,7 @@ pub fn camera_setup() -> Setup {
     }
 }
 
-/// The centre of sphere `instance` of five.
+/// Returns the centre of one of the five spheres. `instance` is the sphere's number, from 0 to 4.
 #[must_use]
 pub fn sphere_centre(instance: u32) -> DVec3 {
     DVec3::new(0.8 * (f64::from(instance) - 2.0), -0.35, -0.6)

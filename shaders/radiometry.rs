@@ -67,8 +67,8 @@ pub fn mirror_brdf(n_dot_l: f64, solid_angle: f64) -> f64 {
     (solid_angle * n_dot_l).recip()
 }
 
-/// Checks that a surface doesn't create energy: its albedo int f cos dw is at most 1. The albedo of a white surface is
-/// exactly 1.
+/// Checks that a surface doesn't create energy: its albedo, the integral of f cos, is at most 1. The albedo of a white
+/// surface is exactly 1.
 #[must_use]
 pub fn conserves_energy(directional_albedo: f64) -> bool {
     directional_albedo <= 1.0

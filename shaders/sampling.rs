@@ -297,8 +297,8 @@ mod tests {
     }
 
     /// Checks a sampler's density. A map of the unit square has the density `pdf` exactly if it scales small squares by
-    /// 1 / `pdf`: |ds/du x ds/dv| pdf = 1. Central differences with steps of 1e-5 have an error of 1e-10 times a third
-    /// derivative, which is at most a few hundred.
+    /// 1 / `pdf`: the length of ds/du x ds/dv, times `pdf`, is 1. Central differences with steps of 1e-5 have an error
+    /// of 1e-10 times a third derivative, which is at most a few hundred.
     fn assert_density(sample: impl Fn(DVec2) -> DVec3, pdf: impl Fn(DVec3) -> f64, what: &str) {
         const STEP: f64 = 1e-5;
         for (x, y) in (1..12).flat_map(|x| (1..12).map(move |y| (x, y))) {

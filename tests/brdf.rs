@@ -204,9 +204,10 @@ fn tri_ace_eval() {
 }
 
 /// Below 1/2, the function divides x (2.5 ulp) by 1 plus a term of at most 1/12, so the errors of this term hardly
-/// count. From 1/2 on, exp(-2 x) is at most 0.37, with an error of 3 + 4 x ulp: 1.5e-7 at 1/2. The exponential shrinks
-/// faster than its error grows. The error of the exponential counts 1 / 0.63 times in the difference and 1 / 1.37 times
-/// in the sum: 3.5e-7. The division and the roundings of sum and difference add 4.2e-7.
+/// count. From 1/2 on, the function computes (1 - e) / (1 + e), where e = exp(-2 x) is at most 0.37. The error of e is
+/// 3 + 4 x ulp: 1.5e-7 at 1/2. As x grows, e shrinks faster than its relative error grows. The error of e counts 1 /
+/// 0.63 times in 1 - e and 1 / 1.37 times in 1 + e: 3.5e-7. The division and the roundings of 1 - e and 1 + e add
+/// 4.2e-7.
 // Lesson 32
 #[test]
 fn tanh_of() {
@@ -274,9 +275,9 @@ fn reflectances_are_finite_and_not_negative() {
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
 }
 
-/// One cosine goes down to 1e-18, and the other to the smallest normal f32, so f32 can't represent their product. WGSL
-/// may flush the numerator of D to 0 if it is below exp(-87). The factor 1 / (4 N.V N.L) multiplies this error. The
-/// test leaves out results above 1e37, near the largest f32.
+/// One cosine goes down to 1e-18, and the other to the smallest normal f32, so f32 can't represent their product. If
+/// the numerator of D is below exp(-87), a driver may flush the numerator to 0. The factor 1 / (4 N.V N.L) multiplies
+/// the error from flushing. The test leaves out results above 1e37, near the largest f32.
 // Lesson 31
 #[test]
 fn cook_torrance_eval_at_the_horizon() {

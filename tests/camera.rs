@@ -5,7 +5,7 @@ use karat::prelude::*;
 use shaders::{PBR, camera, scene};
 
 /// The shader uses the rows of the matrix in place of its inverse. So the shader's vector is parallel to the reference,
-/// but has another length.
+/// but has a different length.
 #[test]
 fn view_direction() {
     let cameras = (0.5..=3.0_f32, -1.0..=1.0_f32, -1.0..=1.0_f32)

@@ -11,9 +11,9 @@ const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 /// 1 / (pi alpha^2), which is at most 3.2e7.
 const VANISHED: Abs = Abs(1e-30);
 
-/// The tolerance for lobes with an exponential. WGSL allows exp(x) an error of 3 + 2 |x| ulp. The error of x, from a
-/// division of 2.5 ulp and two products, adds 5 |x| ulp. The shader returns 0 for x <= -87, so both errors together are
-/// at most 612 ulp. With the errors of the other factors, the result stays within 640 ulp, or 7.6e-5.
+/// The tolerance for lobes with an exponential. WGSL allows exp(x) an error of 3 + 2 abs(x) ulp. The error of x, from a
+/// division of 2.5 ulp and two products, adds 5 abs(x) ulp. The shader returns 0 for x <= -87, so both errors together
+/// are at most 612 ulp. With the errors of the other factors, the result stays within 640 ulp, or 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
 /// Pairs of a normal and a half vector on the normal's side of the surface. Some half vectors are close to the normal,
@@ -42,8 +42,8 @@ fn ggx() {
 }
 
 /// sin^2 has the errors of a difference, two products and a sum. The cosine is a sum of products and at least 0.01, so
-/// its error is at most 1e-7 / 0.01. This error hardly matters, because at such small cosines alpha^2 cos^2 is at most
-/// 1e-4 of sin^2.
+/// its relative error is at most 1e-7 / 0.01. This error hardly matters, because at such small cosines alpha^2 cos^2 is
+/// at most 1e-4 of sin^2.
 #[test]
 fn ggx_from_vectors() {
     PBR.function("distribution::ggx_from_vectors")

@@ -1,4 +1,5 @@
-//! Drivers with larger errors than other drivers, though within WGSL's bounds, and the sizes of these errors.
+//! Drivers whose errors are within WGSL's bounds, but larger than the errors of other drivers, with bounds for these
+//! errors.
 
 /// SwiftShader, Google's software rasteriser, on any graphics API.
 pub(crate) const SWIFTSHADER: &str = "@swiftshader";
@@ -17,7 +18,7 @@ pub(crate) const CUT_OFF: f64 = 1.0 / 256.0;
 /// of 30 degrees, and has an error of up to 1.9e-4 between these angles. The error of Mesa's drivers is 1e-7.
 pub(crate) const SINE: f64 = 1.0 / 2048.0;
 
-/// The reason for known issues with short halfway vectors, which may point away from the view. `sampling.rs` explains
+/// The reason for known issues with short halfway vectors, which can point away from the view. `sampling.rs` explains
 /// them.
 pub(crate) const SHORT_HALFWAY: &str = "its sine and cosine are off by 1.9e-4, of 4.9e-4 that WGSL grants: \
                                  where view and normal are nearly at right angles, what is left of \

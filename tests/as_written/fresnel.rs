@@ -16,8 +16,8 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The disagreement that the check found; `None` if the check passed and all drivers belong to `families`, which may
-/// hide the mistake.
+/// The disagreement that the check found; `None` if the check passed and all drivers belong to `families`, the drivers
+/// that can hide the mistake.
 fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
     let may_agree = |adapter: &Adapter| families.contains(&adapter.family().as_str());
     match result {

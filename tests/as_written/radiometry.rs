@@ -39,7 +39,8 @@ fn radiance_summed_without_its_cosine() {
     sky().agrees_with(|radiance: f64, _: u32| 2.0 * PI * radiance, SUM);
 }
 
-/// Mistake E4. The law with `<` is wrong for one albedo only: it forbids the white Lambertian, whose albedo is 1.
+/// Mistake E4: the law of conservation of energy has `<` instead of `<=`. This law is wrong for one albedo only: it
+/// forbids the white Lambertian, whose albedo is 1.
 #[test]
 fn conservation_without_white() {
     let albedos = Grid::linear(0.0..=2.0, 201);

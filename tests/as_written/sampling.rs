@@ -102,8 +102,9 @@ fn sines_of_smooth_surfaces_are_lost() {
         .agrees_with(sine, Rel(1e-6));
 }
 
-/// Mistake E14. For normals that GGX distributes, the median of the tangent is alpha. The lecture has alpha =
-/// roughness, and Karis has alpha = roughness^2, so the lecture's lobe is wider by the factor 1 / roughness.
+/// Mistake E14. If normals follow the GGX distribution, the median of the tangents of their polar angles is alpha. The
+/// lecture has alpha = roughness, and Karis has alpha = roughness^2, so the lecture's lobe is `1 / roughness` times as
+/// wide.
 #[test]
 fn roughness_is_not_squared() {
     let median = || PBR.function("as_written::sampling::median_tangent").over(0.05..=0.9);

@@ -60,8 +60,8 @@ pub(super) fn run() {
     }
 }
 
-/// Times the sanitizer, and the runs in other orders of invocations. The benchmark prints both times relative to a
-/// plain run of the pass.
+/// Times a pass with the sanitizer, and in other orders of its invocations. The benchmark divides both times by the
+/// time of a plain run.
 pub(super) fn sanitizer() {
     println!(
         "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
@@ -81,7 +81,7 @@ pub(super) fn sanitizer() {
     println!("  in another order, each     {}", Spread::of(order));
 }
 
-/// The number of other orders in which the benchmark runs the pass.
+/// The number of orders, besides the usual one, in which the benchmark runs the invocations of the pass.
 const ORDERS: &str = "6";
 
 /// A shader in which each workgroup has a tile of 64 `u32`s. Each invocation adds up the weighted values of the tile,
@@ -190,8 +190,8 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// Runs a check of a sum over 64 filtered samples of a cube map. The check computes no reference, so nearly all of its
-/// time is the time of the path.
+/// Runs a check of a sum over 64 filtered samples of a cube map. The check computes no reference, so the path takes
+/// nearly all of its time.
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::from_fn(32, |direction| 1.0 + 0.5 * direction))

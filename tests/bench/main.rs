@@ -163,7 +163,8 @@ fn throughput() {
     }
 }
 
-/// Measures where a check with many cases spends its time: choosing the arguments, the device, the reference.
+/// Measures where a check with many cases spends its time: on the device, in the reference, or on choosing the
+/// arguments.
 fn costs() {
     const CASES: u32 = 1_000_000;
     println!("\nsampling::ggx_normal with 1,000,000 cases: where the time goes [ns a case]");

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::Spread;
 
-/// The number of edits. The benchmark prints the median.
+/// The number of edits. The benchmark prints the median of their times.
 const EDITS: usize = 7;
 
 pub(super) fn run() {

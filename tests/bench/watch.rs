@@ -13,7 +13,7 @@ const FUNCTIONS: usize = 100;
 
 const MODULES: usize = 10;
 
-/// The number of edits. The benchmark prints the median.
+/// The number of edits. The benchmark prints the median of their times.
 const EDITS: usize = 20;
 
 /// The time limit for a verdict. A verdict usually needs far less time.
@@ -75,7 +75,7 @@ fn write_library(folder: &Path) {
     }
 }
 
-/// The library after `edits` edits. Each edit changes another function.
+/// The library after `edits` edits. Each edit changes a different function.
 fn library(edits: usize) -> String {
     let mut text = String::new();
     for at in 0..FUNCTIONS {

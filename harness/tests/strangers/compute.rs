@@ -77,7 +77,8 @@ fn passes_share_their_buffers() {
     scan(&package).with_override("ADDED", 2.0).after("data").agrees_with(running(&more), Abs(0.0));
 }
 
-/// A check fails if the test doesn't dispatch a pass, or if the condition of `satisfies` is false.
+/// If a pass is missing, the check fails, and the message gives the number of wrong elements and the first of them. A
+/// check also fails if the condition of `satisfies` is false.
 // Lesson 128
 #[test]
 fn each_difference_of_a_pass_is_reported() {

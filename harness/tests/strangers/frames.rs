@@ -1,5 +1,5 @@
-//! Frames as engines draw them. For each kind of pipeline state (blending, culling, depth), a test draws an image that
-//! comes out wrong if a path ignores this state.
+//! Frames as game engines draw them. For each kind of pipeline state (blending, culling, depth), a test draws an image
+//! that comes out wrong if a path ignores this state.
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::Path;

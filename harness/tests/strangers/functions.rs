@@ -10,8 +10,8 @@ fn check(text: &str) -> Package {
     Package::from_source("f", text)
 }
 
-/// If a function has a pointer parameter, the check passes the value behind the pointer as an argument. After the call,
-/// the value behind the pointer is an additional result.
+/// For a pointer parameter, a test gives the value behind the pointer as the argument. After the call, the value behind
+/// the pointer is an additional result.
 // Lesson 123
 #[test]
 fn pointers_are_values_in_and_out() {
@@ -482,7 +482,7 @@ fn implicit_levels_of_detail() {
 }
 
 /// The level of detail of a cube map depends on the distance between the points that two adjacent pixels sample on a
-/// face. The longer the direction vectors are, the shorter is this distance for the same derivatives.
+/// face. The longer the direction vectors are, the shorter this distance is for the same derivatives.
 #[test]
 fn implicit_levels_of_detail_of_cubes() {
     let package = check(
@@ -546,7 +546,7 @@ fn variables_at_one_place_are_refused() {
 }
 
 /// A message shows the expression that first gives NaN or infinity, with file, line and column, even if a `clamp` hides
-/// the number. Messages about the buffers of passes also show this expression.
+/// this NaN or infinity. Messages about the buffers of passes also show this expression.
 #[test]
 fn nan_and_infinity_have_a_place() {
     let text = "fn g(v: f32, l: f32) -> f32 {\n    return (v * l) / (4.0 * v * l);\n}\n\

@@ -267,8 +267,8 @@ fn the_guide_has_these_samples() {
 /// The folder `shaders` beside this file contains each shader of the guide, with a few exceptions.
 /// `harness/tests/package.rs` and `harness/cli/tests/cli/asserts.rs` test the shaders that contain `@if`. No test
 /// imports Bevy's shader, because the test would fetch a crate. The crate karat-suite tests the shaders that contain
-/// `@test`. `cargo ci dist` runs the shaders of the page for the web, and `harness/cli/tests/cli/tutorial.rs` runs the
-/// shaders of the tutorial.
+/// `@test`. `cargo ci dist` runs the shaders of `web.md`, and `harness/cli/tests/cli/tutorial.rs` runs the shaders of
+/// `tutorial.md`.
 // Lesson 137
 #[test]
 fn the_guide_has_these_shaders() {

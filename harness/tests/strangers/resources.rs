@@ -559,7 +559,8 @@ fn buffers_that_encase_writes_are_taken_as_they_are() {
         .agrees_with(|i: u32| 2.0 * f64::from(weights[i as usize]) + 3.0, Abs(0.0));
 }
 
-/// In GLSL, the columns of matrices with two rows have another stride than in WGSL, and the compiler reports no error.
+/// In uniform buffers, the columns of a matrix with two rows are 16 bytes apart in GLSL and 8 bytes apart in WGSL. So
+/// Karat refuses such a matrix on GL.
 #[test]
 fn narrow_matrices_are_right_or_refused() {
     let package = Package::from_source(

@@ -1,7 +1,7 @@
 //! Checks several translations with one process of a tool, such as glslang.
 //!
 //! glslang spends most of its time on parsing GLSL's built-in declarations, before it reads a shader. One process
-//! checks ten files in the time that two processes need for two files.
+//! checks ten files as fast as two processes check one file each.
 
 use std::io;
 use std::process::Command;

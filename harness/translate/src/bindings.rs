@@ -41,7 +41,7 @@ pub enum Kind {
     },
     /// A sampled texture.
     Texture {
-        /// The number of dimensions: 1, 2 or 3, or 4 for a cube.
+        /// The number of dimensions: 1, 2 or 3. The number 4 stands for a cube map.
         dimensions: u8,
         /// `true` for an array of textures.
         arrayed: bool,

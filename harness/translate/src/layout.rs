@@ -1,8 +1,8 @@
 //! Checks that a compiler uses naga's layout for uniform buffers.
 //!
-//! naga's HLSL relies on Direct3D's packing: a scalar may follow the last row of a matrix with three rows. glslang
-//! silently puts the scalar after the whole matrix, so each later member has a wrong offset. So this module compares
-//! the offsets in glslang's SPIR-V with WGSL's offsets.
+//! naga's HLSL relies on Direct3D's packing: if the columns of a matrix have three elements, a scalar can be in the
+//! padding of the last column. glslang silently puts the scalar behind the padding, so each later member has a wrong
+//! offset. So this module compares the offsets in glslang's SPIR-V with WGSL's offsets.
 
 use std::collections::BTreeMap;
 

@@ -201,8 +201,8 @@ impl Shader {
 }
 
 impl Shader {
-    /// Wraps the WGSL from which the shader was [parsed](Self::parse) as a [`Translation`] without translating it.
-    /// Executors that run WGSL directly use this translation.
+    /// Returns a [`Translation`] that contains the shader's WGSL unchanged. `text` is the WGSL from which the shader
+    /// was [parsed](Self::parse). Executors that run WGSL directly use this translation.
     ///
     /// # Errors
     /// Fails if the shader has no entry point with this name.

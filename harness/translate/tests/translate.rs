@@ -292,8 +292,9 @@ fn the_reported_version_is_that_of_the_lock_file() {
     assert!(lock.contains(&format!("name = \"naga\"\nversion = \"{NAGA_VERSION}\"\n")));
 }
 
-/// glslang puts a scalar behind the whole matrix if the matrix has three rows, but Direct3D puts the scalar behind the
-/// matrix's last row. So `compile` refuses glslang's SPIR-V for a buffer with such a matrix and scalar.
+/// If the columns of a matrix have three elements, Direct3D puts a scalar into the padding of the last column, but
+/// glslang puts the scalar behind the padding. So `compile` refuses glslang's SPIR-V for a buffer with such a matrix
+/// and scalar.
 #[test]
 fn another_layout_of_a_uniform_buffer_is_refused() {
     let shader = |members: &str| {
