@@ -461,9 +461,9 @@ fn all(folder: &Path) -> Result<(), String> {
         index += &format!("| [{name}]({name}.md) | {krate} | `{function}` |\n");
         eprintln!("{name}: fails as released, passes when it is mended");
     }
-    index += "\n`cargo ci found` also tests two compute passes of vello_shaders 0.11 that compute prefix sums over path tags. \
-              The command compares the results with a reference in Rust, and requires that Karat finds two planted \
-              faults (`ci/corpus/src/bin/passes.rs`).\n\n\
+    index += "\n`cargo ci found` also tests two compute passes of vello_shaders 0.11 that compute prefix sums over path \
+              tags. The command compares the results with a reference in Rust, and requires that Karat finds two \
+              planted faults (`ci/corpus/src/bin/passes.rs`).\n\n\
               ## Passes that `karat hazards` checked\n\n\
               `karat hazards` checked these passes without a test, with generated resources: vello_shaders 0.11, \
               bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, atmosphere), \
