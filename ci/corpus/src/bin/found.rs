@@ -461,9 +461,9 @@ fn all(folder: &Path) -> Result<(), String> {
         index += &format!("| [{name}]({name}.md) | {krate} | `{function}` |\n");
         eprintln!("{name}: fails as released, passes when it is mended");
     }
-    index += "\n`cargo ci found` also tests two compute passes of vello_shaders 0.11, the prefix sum over path tags. \
-              The command compares the results with a reference in Rust, and requires that Karat finds two planted \
-              faults (`ci/corpus/src/bin/passes.rs`).\n\n\
+    index += "\n`cargo ci found` also tests two compute passes of vello_shaders 0.11 that compute prefix sums over path \
+              tags. The command compares the results with a reference in Rust, and requires that Karat finds two \
+              planted faults (`ci/corpus/src/bin/passes.rs`).\n\n\
               ## Passes that `karat hazards` checked\n\n\
               `karat hazards` checked these passes without a test, with generated resources: vello_shaders 0.11, \
               bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, atmosphere), \
@@ -488,7 +488,7 @@ const DISPATCHED: &str = "
 `karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of the project that contains the pass. Karat checked the 13 passes of blade (commit dd93e63) that naga accepts, four of them with a replacement for ray queries, and found no fault. Karat also checked the 21 shader templates of wonnx (commit c62f5d3), for 137 nodes of neural networks. The following nodes have a fault in wonnx's own code:
 
 - Softmax of operator sets 11 and 12 has a race. Softmax has the attribute `axis`: all elements with the same indices before this axis form a chunk. For each chunk wonnx runs several invocations: one for each combination of the indices after the axis. Invocation `y` of a chunk writes as many elements as the chunk has, from the chunk's element `y` on, so several invocations write the same elements.
-- If the matrix sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Then the invocations for two matrices of a batch write the same elements, and use indices outside of the buffers. If the common divisor is 3, a vector has 16 bytes in the shader, but 12 bytes on the host.
+- If the matrix sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Then the invocations for two matrices of a batch write the same elements, and use indices outside of the buffers. If the common divisor of the sizes is 3, a vector has 16 bytes in the shader, but 12 bytes on the host.
 - Conv with 3 x 3 weights and without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
 - For more than 65,535 elements, wonnx uses workgroups of two invocations. If the number of elements is odd, the last invocation of Relu, Add and other nodes uses an index outside of the array, because no template compares the index with the length.
 - Resize to given sizes rounds its scale factor to two digits: a resize from 300 to 400 texels reads beyond the row.
