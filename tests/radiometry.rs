@@ -221,8 +221,8 @@ fn isotropic_intensity_integrates_to_the_flux() {
     holds(flux.unrecorded().try_agrees_with(|flux: f64, _: u32| flux, Ulp(32.0).or(UNDERFLOW)));
 }
 
-/// Computes the irradiance from a patch at any distance, and from the irradiance and the patch's solid angle the
-/// radiance at the receiver. This radiance equals the radiance that leaves the patch. The shader computes six
+/// Computes the irradiance from a patch at any distance. Dividing by the patch's solid angle and the receiver's cosine
+/// gives the radiance at the receiver. This radiance equals the radiance that leaves the patch. The shader computes six
 /// divisions.
 #[test]
 fn radiance_along_a_ray_is_constant() {
