@@ -156,8 +156,8 @@ fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
 }
 
 /// The function computes three square roots, each with an error of 4.5 ulp, a division, and the squared width of the
-/// texel, with an error of 5 ulp. Two thirds of the error of the roots reach the divisor. The coordinates of the
-/// texel's corners are rounded, too. Nothing cancels, even for small texels.
+/// texel, with an error of 5 ulp. The relative error of the divisor is at most two thirds of the sum of the roots'
+/// errors. The coordinates of the texel's corners are rounded, too. Nothing cancels, even for small texels.
 #[test]
 fn texel_solid_angle() {
     PBR.function("radiometry::texel_solid_angle")

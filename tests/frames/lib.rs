@@ -293,7 +293,7 @@ pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn E
     Ok(CubeMap::from_faces(&maps::faces(&faces, IRRADIANCE))?)
 }
 
-/// The prefiltered environment: each mip level is blurred for a roughness of its own.
+/// The prefiltered environment: each mip level is blurred for a different roughness.
 ///
 /// # Errors
 ///
