@@ -54,12 +54,11 @@ fn directions_find_the_face_that_webgpu_says() {
 /// Each texel has its direction as its colour. So the test shows that the cube maps of `karat` and of the library place
 /// texels where the hardware looks for them. Bilinear filtering between texel centres has an error of 1.2e-4: 1/8 of
 /// (1/32)^2 times a curvature of at most 1. The colours of neighbouring texels differ by at most 1/64, and the filter's
-/// weights have 8 bits. So rounding the weights adds an error of 1/512 of 1/64 along each of two axes: 6e-5 together.
-/// At a corner of the cube only three texels meet, and the filter uses their mean in place of a fourth texel. The mean
-/// has a weight of at most 1/4, lies at most a texel (1/32) away from the corner, and the colour's slope there is at
-/// most 0.29. The product of these numbers is an error of 2.3e-3. At the edges of faces, wgpu's desktop GL doesn't
-/// filter across the edge, but clamps to the nearest texel. So on GL, the colour has an error of half a texel (1/64)
-/// times its slope (at most 1/2).
+/// weights have 8 bits. So rounding the weights adds an error of 1/512 * 1/64 along each of two axes: 6e-5 together. At
+/// a corner of the cube only three texels meet, and the filter uses their mean in place of a fourth texel. Its error is
+/// at most 2.3e-3: the mean's weight (at most 1/4) times its distance from the corner (at most a texel, 1/32) times the
+/// colour's slope there (at most 0.29). At the edges of faces, wgpu's desktop GL doesn't filter across the edge, but
+/// clamps to the nearest texel. So on GL, the colour has an error of half a texel (1/64) times its slope (at most 1/2).
 // Lesson 22: a tolerance of one path
 #[test]
 fn directions_find_their_texel() {
@@ -93,8 +92,8 @@ fn noise(size: u32) -> CubeMap {
 }
 
 /// At the centre of a texel, the filter returns the colour of this texel alone. Rounding the direction moves the point
-/// by less than 1/256 of a texel, which is one step of the filter's weights. The tolerance doesn't allow the error of a
-/// whole step, because the colours of neighbouring texels differ by up to 1.
+/// by less than 1/256 of a texel, which is one step of the filter's weights. An error of one whole step would change a
+/// colour by up to 1/256, which is far above the tolerance.
 #[test]
 fn a_texel_is_found_at_its_centre() {
     let size = 8;
@@ -158,7 +157,7 @@ fn radiance_level_inside_faces() {
 }
 
 /// Tests directions near and on the edges of the cube, and near its corners. Some levels are beyond the last mip level.
-/// Only wgpu's desktop GL differs, because it doesn't filter across the edges of faces.
+/// Only wgpu's desktop GL is declared to fail, because it doesn't filter across the edges of faces.
 #[test]
 fn radiance_level_across_edges() {
     let cube_map = noise(16);

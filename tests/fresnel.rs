@@ -145,7 +145,7 @@ fn dielectric_average() {
 }
 
 /// Tests indices of refraction near 1, for which the closed form of the average reflectance F loses all digits in f32.
-/// The difference 1 - F loses most digits.
+/// For eta < 1, the formula F(eta) = 1 - eta^2 (1 - F(1 / eta)) would lose most digits.
 #[test]
 fn dielectric_average_of_almost_no_interface() {
     for side in [0.999..=1.0, 1.0..=1.001] {

@@ -68,9 +68,10 @@ fn images_that_are_no_environment_are_refused() {
     }
 }
 
-/// Compares values inside the scene's shader on drivers with the engine. Each value is in the range that WGSL allows
-/// for the inputs that the driver interpolated. Most values equal the engine's to the bit, because drivers and engine
-/// round products and sums in the same way. Only operations such as `normalize` and `dot` may differ.
+/// Compares the values that drivers compute for variables of the scene's shader with the engine's values. Each value is
+/// in the range that WGSL allows for the inputs that the driver interpolated. Most values equal the engine's to the
+/// bit, because drivers and engine round products and sums in the same way. Only operations such as `normalize` and
+/// `dot` may differ.
 // Lesson 39
 #[test]
 fn values_of_the_scene_are_the_engine_s() {

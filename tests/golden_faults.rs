@@ -27,7 +27,7 @@ struct Scene {
     second: f64,
     /// A factor for highlights, 1 without a fault.
     highlights: f64,
-    /// The distance by which shadows move to the right, in widths of a pixel on the floor.
+    /// The distance in pixels by which shadows on the floor move to the right.
     shadow: f64,
 }
 
@@ -246,9 +246,9 @@ fn rows(golden: &Image) -> Vec<Row> {
     ]
 }
 
-/// Checks the same changes with noise in the golden and in the frame. The metric `Noise` knows the variances of both
-/// images, so it accepts harmless changes and still rejects faults. The default tolerance, which ignores variances,
-/// rejects even the noise.
+/// Checks the changes in `rows` with noise in the golden and in the frame. The metric `Noise` knows the variances of
+/// both images, so it accepts harmless changes and still rejects faults. The default tolerance, which ignores
+/// variances, rejects even the noise.
 fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
     let golden = &RIGHT.draw();
     let [ours, theirs] = [3, 4].map(noise);

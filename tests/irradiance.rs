@@ -135,8 +135,8 @@ fn the_loop_is_off_by_what_it_says() {
         .satisfies("is 1.0014", |_, light: Vec3| (light - 1.0014).abs().max_element() < 5e-5);
 }
 
-/// The error of a mean over at least 64 directions, from the filter's weights of 8 bits. Rounding a weight causes a
-/// positive or negative error, which multiplies the difference between texels, 1/32.
+/// The error of a mean over at least 64 directions, from the filter's weights of 8 bits. The error of a colour is the
+/// rounding error of a weight, positive or negative, times the difference between texels, 1/32.
 const WEIGHTS: Abs = Abs(6e-5);
 
 /// The error of a mean on GL, where 3 % of the directions are within half a texel of an edge and have an error of up to
@@ -171,9 +171,9 @@ fn they_agree_with_their_twins() {
         );
 }
 
-/// Uses few steps, so that an error in any single step shows. The filter has two weights of 8 bits. An error in the
-/// last bit of each weight multiplies the difference between texels, 1/32. On GL a direction within half a texel of a
-/// face's edge has an error of up to half a texel, 1/64.
+/// Uses few steps, so that an error in any single step shows. The filter has two weights of 8 bits. Rounding both
+/// weights changes the colour by up to 2 * 1/512 times the difference between texels, 1/32. On GL a direction within
+/// half a texel of a face's edge has an error of up to half a texel, 1/64.
 // Lesson 32
 #[test]
 fn few_steps_agree_with_their_twin() {

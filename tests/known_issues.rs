@@ -7,8 +7,8 @@ use karat::prelude::*;
 use crate::drivers::{NVIDIA, SWIFTSHADER};
 
 /// WGSL requires `mix(x, y, a)` to be as accurate as x (1 - a) + y a, which is exactly y at a = 1. Some drivers compute
-/// x + (y - x) a, so their result contains the rounding error of x. The library doesn't use `mix` for masks, because
-/// where the mask is 1, the rounding error of a bright base would be visible.
+/// x + (y - x) a. If x is much larger than y, rounding y - x loses digits of y. The library doesn't use `mix` for
+/// masks, because where the mask is 1, the rounding error of a bright base would be visible.
 // Lesson 45
 #[test]
 fn mix_ends_at_its_second_value() {

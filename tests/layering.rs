@@ -50,7 +50,8 @@ fn masked_base() {
         .agrees_with(layering::masked_base, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// The function is a sum of two positive terms. The term with `base` takes four more sums and six products.
+/// The function is a sum of two positive terms. Computing the term with `base` takes four sums, two differences and six
+/// products.
 #[test]
 fn plastic() {
     PBR.function("layering::plastic")

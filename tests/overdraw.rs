@@ -108,8 +108,8 @@ struct Hit {
 }
 
 /// The largest distance between the unit sphere and a facet of its mesh, at the middle of the facet. Facets are 5.6
-/// degrees wide in both directions. At the middle of a facet, the normals of mesh and sphere also differ by this
-/// length.
+/// degrees wide in both directions. At the middle of a facet, the mesh's interpolated normal differs from the sphere's
+/// normal by a vector of the same length.
 const FACET: f64 = 2.5e-3;
 
 /// All hits of the ray through the middle of a pixel. `None` if the ray passes near the rim of a sphere, because the

@@ -156,8 +156,8 @@ fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
 }
 
 /// The function computes three square roots, each with an error of 4.5 ulp, a division, and the squared width of the
-/// texel, with an error of 5 ulp. Two thirds of the error of the roots reach the divisor. The coordinates of the
-/// texel's corners are rounded, too. Nothing cancels, even for small texels.
+/// texel, with an error of 5 ulp. The relative error of the divisor is at most two thirds of the sum of the roots'
+/// errors. The coordinates of the texel's corners are rounded, too. Nothing cancels, even for small texels.
 #[test]
 fn texel_solid_angle() {
     PBR.function("radiometry::texel_solid_angle")
@@ -221,8 +221,8 @@ fn isotropic_intensity_integrates_to_the_flux() {
     holds(flux.unrecorded().try_agrees_with(|flux: f64, _: u32| flux, Ulp(32.0).or(UNDERFLOW)));
 }
 
-/// Computes the irradiance from a patch at any distance, and from the irradiance and the patch's solid angle the
-/// radiance at the receiver. This radiance equals the radiance that leaves the patch. The shader computes six
+/// Computes the irradiance from a patch at any distance. Dividing by the patch's solid angle and the receiver's cosine
+/// gives the radiance at the receiver. This radiance equals the radiance that leaves the patch. The shader computes six
 /// divisions.
 #[test]
 fn radiance_along_a_ray_is_constant() {

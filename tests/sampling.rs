@@ -31,8 +31,8 @@ fn uniform_hemisphere_takes_its_height_from_u() {
 }
 
 /// Tests the means of the cosine and of its square for sampled directions. The cosine is `u.y` for one sampler, and the
-/// square root of `u.y` for the other. The midpoints of 256 rows give the mean of the root with an error of 0.2 /
-/// 256^1.5 = 5e-5, and the mean of the square with an error of 1 / (12 * 256^2).
+/// square root of `u.y` for the other. The test computes each mean from 256 evenly spaced values of `u.y`. The mean of
+/// the square root then has an error of 0.2 / 256^1.5 = 5e-5, and the mean of the square an error of 1 / (12 * 256^2).
 #[test]
 fn moments_of_the_cosine() {
     let package = Package::from_source(
@@ -118,8 +118,8 @@ fn cosine_hemisphere_pdf() {
         .agrees_with(sampling::cosine_hemisphere_pdf, Ulp(4.0));
 }
 
-/// Widths with normals. Two thirds of the normals come from the GGX sampler, so they are near the peak even for narrow
-/// lobes. The other normals have any direction, even below the horizon.
+/// Pairs of a width and a normal. Two thirds of the normals come from the GGX sampler, so they are near the peak even
+/// for narrow lobes. The other normals have any direction, even below the horizon.
 fn normals() -> impl Domain<Value = (f32, Vec3)> {
     (ALPHA, unit_square(), UnitVector, Integers(0..=2_u32)).map(|(alpha, u, any, choice)| {
         let (widened, u) = (f64::from(alpha), u.as_dvec2());
@@ -199,9 +199,9 @@ fn ggx_visible_normal() {
         .agrees_with(sampling::ggx_visible_normal, Abs(2e-3));
 }
 
-/// Also tests the normals that `ggx_visible_normal` leaves out. A halfway vector of length s has a component of s^2 / 2
-/// along the view. The error of sin and cos reduces this component by at most sqrt(2) 2^-11. If s is at least 0.04, the
-/// component stays positive on each driver.
+/// Sampled normals are on the side of the view, even the normals that the test `ggx_visible_normal` leaves out. A
+/// halfway vector of length s has a component of s^2 / 2 along the view. The error of sin and cos reduces this
+/// component by at most sqrt(2) 2^-11. If s is at least 0.04, the component stays positive on each driver.
 #[test]
 fn visible_normals_are_visible() {
     let visible = |(_, v, _): (f32, Vec3, Vec2), h: Vec3| {
@@ -356,13 +356,13 @@ fn pow5() {
     PBR.function("math::pow5").over(-1.0..=1.0).agrees_with(math::pow5, Ulp(4.0));
 }
 
-/// Widths of lobes, from a lobe narrow enough to be hard for f32 samples to the widest lobe.
+/// Widths of lobes: the narrowest is hard to sample in f32, and the widest is 1.
 fn widths() -> impl Domain<Value = f32> {
     OneOf(vec![0.01, 0.1, 0.5, 1.0])
 }
 
-/// Widths with views, from straight above to half a degree above the horizon. The azimuth of the views isn't along an
-/// axis.
+/// Pairs of a width and a view. The views go from straight above to half a degree above the horizon. The azimuth of the
+/// views isn't along an axis.
 fn seen() -> impl Domain<Value = (f32, Vec3)> {
     let view = |degrees: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();

@@ -329,8 +329,8 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
     }
 }
 
-/// Karat keeps no failing inputs in CI, and none of unrecorded checks. If Karat can't write to the folder, it prints a
-/// note.
+/// In CI, and in unrecorded checks, Karat keeps no failing inputs. If Karat can't write a failing input to disk, Karat
+/// prints a note.
 #[test]
 fn nothing_is_written_where_it_is_not_wanted() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -103,8 +103,8 @@ fn on_one_face(d: DVec3, level: f64) -> bool {
     (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
 }
 
-/// The error of filtered colours. The weights of the filter have 8 bits. Their error multiplies the difference between
-/// neighbouring texels (1/64) and the weight of a sample, which is at most 2.
+/// The error of filtered colours. The weights of the filter have 8 bits. The error of a result is the error of these
+/// weights, times the difference between neighbouring texels (1/64), times the weight of a sample (at most 2).
 const COLOUR: Abs = Abs(2.0 * 3.0 / 512.0 / 64.0);
 
 /// The error of filtered colours on GL, where texels are half floats with 11 significant bits.

@@ -1,5 +1,5 @@
-//! Tests which faults the statistical checks find, if they state their power correctly, and how rarely they reject a
-//! right sampler.
+//! Tests the statistical checks: which faults they find, whether they state their power correctly, and how rarely they
+//! reject a right sampler.
 //!
 //! The planted faults are small, because finding a large fault would prove little about a check. On the CPU, the tests
 //! use a thousand seeds to measure how often each statistical test rejects a right sampler. One more test measures this

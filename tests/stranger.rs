@@ -42,7 +42,8 @@ fn lambert() {
 }
 "#;
 
-/// Tests with mistakes that rustc must refuse. Each of rustc's errors must say how to write the test correctly.
+/// Rust tests that don't compile, because each has a mistake. Each of rustc's errors must say how to write the test
+/// correctly.
 const MISFITS: &str = r#"
 use karat::prelude::*;
 

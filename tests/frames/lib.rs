@@ -25,7 +25,8 @@ pub const TABLE: u32 = 128;
 pub const PREFILTERED_LEVELS: u32 = 6;
 /// The number of sampled normals for each texel of a prefiltered level, and for each texel of the split sum's table.
 const PREFILTERED_SAMPLES: u32 = 1024;
-/// The numbers of bands from pole to pole and of segments around the axis of a sphere. Each facet is 5.6 degrees wide.
+/// A sphere's number of bands, from pole to pole, and its number of segments, around the axis. Each facet is 5.6
+/// degrees wide.
 const SPHERE: (u32, u32) = (32, 64);
 
 /// Checks if long suites run all their cases (`SUITES=whole`), as in `cargo ci full`, or only a sample. The name
@@ -67,7 +68,7 @@ pub struct Shot {
     /// The width and the height of the frame in pixels. `None` uses the frame's own size. Frames of a map, such as
     /// `irradiance`, ignore this setting.
     pub size: Option<(u32, u32)>,
-    /// The number of sampled directions for the diffuse term, and again for the specular term, of each pixel. `None`
+    /// The number of directions that the shader samples for each of a pixel's two terms, diffuse and specular. `None`
     /// uses the frame's own number.
     pub samples: Option<u32>,
     /// The light of the scene, with mip levels. `None` uses the studio.
@@ -139,7 +140,7 @@ pub fn studio() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, texels).with_mips()
 }
 
-/// The room of the frame `lambert`, as a cube map of the walls that the probe in the room sees.
+/// The walls of the room in the frame `lambert`, as a cube map seen from the light probe in the room.
 #[must_use]
 pub fn room() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, probe_room::walls))
@@ -292,7 +293,7 @@ pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn E
     Ok(CubeMap::from_faces(&maps::faces(&faces, IRRADIANCE))?)
 }
 
-/// The prefiltered environment: each mip level is blurred for a roughness of its own.
+/// The prefiltered environment: each mip level is blurred for a different roughness.
 ///
 /// # Errors
 ///

@@ -178,8 +178,7 @@ fn nothing_to_compare() {
     assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
-/// Karat refuses checks that can't fail, because a transformation has no effect or because a tolerance allows every
-/// error.
+/// Karat refuses checks that can't fail: their transformation has no effect, or their tolerance allows every error.
 // Lesson 13
 #[test]
 fn a_check_that_could_not_fail() {

@@ -136,8 +136,7 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
 }
 
-/// A frame agrees with its golden even if the software rasteriser uses another vector width, as it does on another
-/// machine.
+/// A frame agrees with its golden even if the software rasteriser uses another vector width, as on some other machines.
 // Lesson 18: another width
 #[test]
 fn a_golden_holds_at_another_vector_width() {

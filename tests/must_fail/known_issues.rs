@@ -268,7 +268,8 @@ fn returned_failures_are_recorded_by_default() {
     }
 }
 
-/// If `KARAT_OVERLAY` is set, the records of checks of values, samples and frames name the overlay.
+/// If `KARAT_OVERLAY` is set, the records of checks of values, samples and frames have the path of the overlay's
+/// folder.
 // Lesson 74
 #[test]
 fn records_name_the_overlay() {

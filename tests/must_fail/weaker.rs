@@ -76,8 +76,8 @@ fn integers_have_an_upper_bound_too() {
     disagreement(signed(-9.0, 10.0));
 }
 
-/// WGSL allows the planted function with `max` results far above its reference, and the function with `min` results far
-/// below its reference. `Spec` counts the case of each function as ill-conditioned.
+/// Tests `max(1.0, 1.0 + 1000.0 * sin(x))` at `x` = 0, and the same with `min`. Because WGSL allows the sine an error,
+/// `max` may return much more than 1, and `min` much less. So `Spec` counts both cases as ill-conditioned.
 // Lesson 177
 #[test]
 fn an_allowed_interval_is_wide_at_either_end() {

@@ -184,7 +184,8 @@ fn full(target: &str, name: &str) -> String {
     if program(target) == target { name.to_owned() } else { format!("{target}::{name}") }
 }
 
-/// The outcome of a run. If the run doesn't prove that the tests used the overlay, the reason as an error.
+/// Returns the outcome of a run. If the run doesn't prove that the tests used the overlay, returns an error with the
+/// reason.
 fn judge(
     output: &Output,
     records: &[Record],

@@ -156,7 +156,7 @@ impl Executor for Faulty {
 }
 
 /// Sends jobs with known results to the executor `process@mine`. Returns a JSON report with a verdict for each job, as
-/// an error if a result is wrong.
+/// `Err` if a result is wrong.
 pub(crate) fn conform() -> Result<String, String> {
     let path = "process@mine".parse::<Path>().map_err(|error| error.to_string())?;
     let report = conform::conform(path, &mut |_| {}).map_err(|error| error.to_string())?;

@@ -377,7 +377,7 @@ second_opinions!(
     split_sum,
 );
 
-/// Compares pixels of a frame with six faces with `expected`, which gets the direction of the pixel's texel.
+/// Checks pixels of a frame of six faces: `expected` returns the right colour for the direction of a pixel's texel.
 fn faces(name: &str, side: u32, expected: impl Fn(bool, DVec3) -> DVec3 + Sync) {
     for exhibit in exhibits(name, None) {
         let (width, height) = (exhibit.image.width(), exhibit.image.height());
@@ -436,9 +436,9 @@ fn the_irradiance_map_holds_the_integral() {
     }
 }
 
-/// Compares pixels of the article's spheres with two values: from the irradiance map, as in the shader, and from an
-/// integral over the room's light. The tolerance for the integral is wider, because the map's faces are only 32 texels
-/// wide.
+/// Compares pixels of spheres in the room with two values: one from the irradiance map, as in the shader, and one from
+/// an integral over the room's light. The tolerance for the integral is wider, because the map's faces are only 32
+/// texels wide.
 fn lambert_objects(name: &str, corrected: bool) {
     let room = frames::room();
     let map = frames::irradiance_cube(&room, first_path()).expect("the map is drawn");
