@@ -43,7 +43,7 @@ const VARIABLES: [(&str, &str); 17] = [
         "number of orders of invocations in which `cpu` runs a compute pass if it can't try all orders; 0: only the usual order (default: 16)",
     ),
     (SEED, "seed of the selected check, or of all checks (default: made from the test's name)"),
-    (CASE, "the only case to run, as a failed check prints it: `function/check/index` (default: all)"),
+    (CASE, "the only case to run: `function/check/index` from a failure's message (default: all)"),
     (
         INPUT,
         "arguments that replace the case's own arguments, as hexadecimal 32-bit numbers (default: none)",

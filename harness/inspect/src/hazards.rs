@@ -811,7 +811,7 @@ impl Hazard {
                 Some("needs other inputs".to_owned())
             }
             (Class::Requirement, []) => {
-                Some("needs other inputs: the hazard remains if one input changes".to_owned())
+                Some("needs other inputs: the hazard remains if only one changes".to_owned())
             }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,
