@@ -269,7 +269,7 @@ fn excluded_grazing_directions_are_not_drawn() {
     over(&|| Hemisphere.above(0.01)).expect("nothing is below");
     disagreement(over(&|| Hemisphere.above(0.009)));
     let error = over(&|| Hemisphere.above(1.5)).expect_err("no cosine is so large").to_string();
-    assert!(error.contains("the smallest cosine 1.5, which isn't in 0..=1"), "{error}");
+    assert!(error.contains("needs a smallest cosine in 0..=1, not 1.5"), "{error}");
     assert_eq!(Hemisphere.above(1.0).edges(), [Vec3::Z]);
 }
 

@@ -131,7 +131,7 @@ enum Command {
     /// Serves an editor (LSP): shows invalid modules, failing tests, and a code lens beside each function
     #[command(
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
-                            The server shows invalid modules as you type, and failures of the last `karat test`. After each\n\
+                            As you type, the server shows invalid modules. It also shows the failures of the last `karat test`. After each\n\
                             save the server runs the tests that aren't in Rust. When you edit a file, the server\n\
                             hides the old verdicts of the file's tests. A code lens beside each function shows the function's worst error; a\n\
                             click runs the function's tests. Without a server, `karat test --short` prints a line for each failure.\n\
@@ -241,7 +241,7 @@ enum Command {
                             Each mutant has one small change: another operator, another number, a guard removed.\n\
                             Tests that use the mutated code run on Karat's engine until a test fails. Karat changes no file.\n\
                             For each surviving mutant, Karat prints arguments for which the result differs, and a test to paste.\n\
-                            Exit codes: 0 the score is at least --fail-under (100), or --in-diff finds no mutant;\n\
+                            Exit codes: 0 the score is at least --fail-under (default: 100), or --in-diff finds no mutant;\n\
                             1 the score is lower, or karat.toml accepts a mutant that a test kills;\n\
                             2 a test fails without a mutant, or there is no test or no mutant."
     )]

@@ -21,10 +21,10 @@ const VARIABLES: [(&str, &str); 17] = [
         PATHS,
         "paths on which checks run, such as `vulkan`, `vulkan,gl`, `gl@llvmpipe` or `all` (default: the first path that opens, or `cpu` if no driver opens)",
     ),
-    (REQUIRE, "paths that must run: a list such as `vulkan,gl`, without `all` (none)"),
+    (REQUIRE, "paths that must run, such as `vulkan,gl`, but not `all` (default: none)"),
     (
         EXECUTORS,
-        "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between programs. Each program is a path, `process@NAME` (none)",
+        "programs that run jobs: `NAME=PROGRAM ARGUMENTS`, with `;` between programs. Each program is a path, `process@NAME` (default: none)",
     ),
     (
         ADAPTER,
@@ -32,35 +32,35 @@ const VARIABLES: [(&str, &str); 17] = [
     ),
     (
         DEADLINE,
-        "seconds that a shader may take before Karat aborts the process (60; 10 in `watch`)",
+        "seconds that a shader may take before Karat aborts the process (default: 60; in `watch` 10)",
     ),
     (
         FUEL,
-        "largest number of loop iterations in a case on `cpu`; loops with a known bound don't count (1048576)",
+        "largest number of loop iterations in a case on `cpu`; loops with a known bound don't count (default: 1048576)",
     ),
     (
         SCHEDULES,
-        "number of orders of invocations in which `cpu` runs a compute pass if it can't try all orders; 0: only the usual order (16)",
+        "number of orders of invocations in which `cpu` runs a compute pass if it can't try all orders; 0: only the usual order (default: 16)",
     ),
-    (SEED, "seed of the selected check, or of all checks (from the test's name)"),
-    (CASE, "the only case to run: `function/check/index`, as a failed check prints it (all cases)"),
+    (SEED, "seed of the selected check, or of all checks (default: made from the test's name)"),
+    (CASE, "the only case to run: `function/check/index` from a failure's message (default: all)"),
     (
         INPUT,
-        "arguments that replace the case's own arguments, as hexadecimal 32-bit numbers (none)",
+        "arguments that replace the case's own arguments, as hexadecimal 32-bit numbers (default: none)",
     ),
-    (FAILURES, "`off`: Karat doesn't store failing inputs, and doesn't try stored ones (on)"),
-    (FRAMES, "`off`: Karat skips frames, as `karat test --no-frames` does (on)"),
-    (OVERLAY, "folder whose files replace modules of the same name (none)"),
+    (FAILURES, "`off`: Karat neither stores failing inputs nor tries stored ones (default: on)"),
+    (FRAMES, "`off`: Karat skips frames, as `karat test --no-frames` does (default: on)"),
+    (OVERLAY, "folder whose files replace modules of the same name (default: none)"),
     (
         TINT,
-        "the Tint to use: the path of a folder with the npm package `webgpu`, of the program `tint`, or of a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
+        "the Tint to use: the path of a folder with the npm package `webgpu`, of the program `tint`, or of a Chromium; `off`: Karat doesn't use Tint (default: the first that Karat finds)",
     ),
-    (RECORD, "folder for verdicts, as JSON lines (none; `karat test` sets it)"),
+    (RECORD, "folder for verdicts, as JSON lines (default: none; `karat test` sets it)"),
     (
         COVERAGE,
-        "folder for counts of the statements that tests run on `cpu` (none; `karat coverage` sets it)",
+        "folder for counts of the statements that tests run on `cpu` (default: none; `karat coverage` sets it)",
     ),
-    (BROWSER, "Chromium for Karat's own tests of the review page (the first that Karat finds)"),
+    (BROWSER, "Chromium for Karat's own tests of the review page (default: the first found)"),
 ];
 
 const NAMES: [&str; VARIABLES.len()] = {

@@ -145,7 +145,7 @@ impl Unit {
             Self::Abs => "abs",
             Self::Exact => "different",
             Self::Statement => "doesn't hold",
-            Self::Shader => "from the reference to the nearest result that WGSL allows",
+            Self::Shader => "between the reference and the nearest result that WGSL allows",
             Self::Driver => "outside of the range that WGSL allows",
             Self::Measured => "outside of the measured range",
             Self::Conditioning => "wide",

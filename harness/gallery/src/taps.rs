@@ -252,7 +252,7 @@ fn notes(tapped: &Tapped) -> Vec<String> {
         None => {}
         Some(0) => notes.push("the frame's colours don't change when Karat reads the value".to_owned()),
         Some(pixels) => notes.push(format!(
-            "Karat runs another program to read the value: with this program, {} of the frame have another colour",
+            "to read the value, Karat changes the shader, and the changed shader gives {} of the frame another colour",
             counted(pixels, "pixel")
         )),
     }

@@ -539,8 +539,8 @@ impl Request {
         }
         if form.alone {
             return Err(
-                "the function writes memory that other calls can read: Karat looks for hazards in functions \
-                        that only return a value"
+                "the function writes memory that other calls can read: Karat can't look for \
+                        hazards in such functions"
                     .to_owned(),
             );
         }
@@ -811,7 +811,7 @@ impl Hazard {
                 Some("needs other inputs".to_owned())
             }
             (Class::Requirement, []) => {
-                Some("needs other inputs: changing only one input isn't enough".to_owned())
+                Some("needs other inputs: the hazard remains if only one changes".to_owned())
             }
             (Class::Requirement, needs) => Some(format!("needs {}", needs.join(" or "))),
             _ => None,

@@ -257,7 +257,7 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     }
     if !outdated.is_empty() {
         karat::unstable::output::tell(&format!(
-            "`karat.toml` has {} of failures that are gone: delete the declarations for {}",
+            "delete {} from `karat.toml`, because these failures are gone: {}",
             counted(outdated.len(), "declaration", "declarations"),
             few(outdated.iter().map(|finding| format!("{}: {}", place(finding), finding.why)))
         ));

@@ -1064,8 +1064,8 @@ mod planted {
         run_with_glslang(&folder, ANOTHER_OPERATOR, "", &required).good();
         let healthy = run_with_glslang(&folder, "", "", &["--html", "m.html"]);
         assert_eq!(healthy.code, Some(1), "{healthy:?}");
-        let outdated = "`karat.toml` has one declaration of failures that are gone: delete the \
-                        declarations for maths::blend on vulkan:hlsl: the row reaches `agrees`";
+        let outdated = "delete one declaration from `karat.toml`, because these failures are gone: \
+                        maths::blend on vulkan:hlsl: the row reaches `agrees`";
         assert!(healthy.err.contains(outdated), "{healthy:?}");
         // A row is declared to be rejected. If a compiler accepts it and the result differs, Karat doesn't report the
         // declaration as fixed.

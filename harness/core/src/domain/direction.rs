@@ -176,7 +176,7 @@ impl Domain for Above {
     }
 
     fn emptiness(&self) -> Option<Emptiness> {
-        let fault = format!("has the smallest cosine {}, which isn't in 0..=1", self.least);
+        let fault = format!("needs a smallest cosine in 0..=1, not {}", self.least);
         (!(0.0..=1.0).contains(&self.least)).then(|| Emptiness::of("hemisphere", &fault))
     }
 

@@ -284,7 +284,7 @@ impl Metric for Noise<'_> {
         };
         if let Some((x, y)) = alpha_is_off {
             let note =
-                Some(format!("alpha differs at ({x}, {y}), but the noise may change only colours"));
+                Some(format!("alpha differs at ({x}, {y}), but noise is allowed only in colours"));
             return Measured { note, ..Measured::of(f64::INFINITY) };
         }
         let tiles = self.tiles(pair);

@@ -68,6 +68,6 @@ fn most_of_the_library_is_bounded() {
     let bounded = per_cent(shares.iter().map(|(_, bounded, _)| bounded).sum());
     let narrow = per_cent(shares.iter().map(|(_, _, narrow)| narrow).sum());
     let found =
-        format!("{bounded:.1} % bounded, {narrow:.1} % narrow, of {}: {shares:?}", shares.len());
+        format!("{bounded:.1} % bounded, {narrow:.1} % narrowly, of {}: {shares:?}", shares.len());
     assert!(shares.len() > 150 && bounded > 96.0 && narrow > 77.4, "{found}");
 }

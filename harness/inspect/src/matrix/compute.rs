@@ -105,7 +105,7 @@ pub(super) fn run_entry_point_on_each(
         (cell.compared, cell.differing, cell.open) = (compared, places.len(), left_open.len());
         if let Some(place) = places.first() {
             let unknown = open.as_ref().err().map_or_else(String::new, |reason| {
-                format!("; Karat can't tell for which words WGSL allows any value: {reason}")
+                format!("; Karat can't tell which words WGSL leaves undefined: {reason}")
             });
             cell.stopped = Some(Stop::Differs(format!(
                 "{} of {compared} words that the pass writes differ from `{baseline}`: word {place} is \

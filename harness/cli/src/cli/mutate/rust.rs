@@ -59,7 +59,7 @@ impl RustTests {
         packages: &[String],
         filter: Option<&str>,
     ) -> anyhow::Result<Self> {
-        tell("Karat builds the tests in Rust, and runs each test once");
+        tell("Karat builds the Rust tests, and runs each test once");
         let (mut slowest, mut slow) = (Duration::ZERO, BTreeSet::new());
         let mut found: BTreeMap<String, Vec<PathRecord>> = BTreeMap::new();
         let mut direct: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();

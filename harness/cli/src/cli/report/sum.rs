@@ -64,7 +64,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     let least = orders.iter().min()?;
     let checks = counted(orders.len(), "check");
     Some(format!(
-        "in {checks} of passes, Karat tried only {} of invocations",
+        "in {checks} of passes, not all orders ran, but at least {} did",
         counted(*least as usize, "order")
     ))
 }
@@ -260,7 +260,7 @@ mod tests {
         };
         assert_eq!(remarks(&[in_orders(12, true), in_orders(0, true)]), "");
         let some = remarks(&[in_orders(16, false), in_orders(12, true), in_orders(20, false)]);
-        assert_eq!(some, "; in 2 checks of passes, Karat tried only 16 orders of invocations");
+        assert_eq!(some, "; in 2 checks of passes, not all orders ran, but at least 16 orders did");
         let mut reading = with("");
         let watched = reading.watched.as_mut().expect("it has passes");
         watched.unwritten.push("`partials[3]` at mean.wgsl:17:57".to_owned());

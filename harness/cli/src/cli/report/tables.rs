@@ -148,8 +148,8 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
     match filter {
         Some(filter) => bail!(
-            "no check ran: no test's name contains `{filter}`, and neither does the name of any function \
-             that an earlier test checked. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
+            "no check ran: `{filter}` isn't part of the name of a test, or of a function that an earlier \
+             test checked. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
         ),
         None => bail!("no test ran a check. A run that compared nothing isn't a success"),
     }
@@ -451,7 +451,7 @@ pub(super) mod tests {
         let known = record(Verdict::Pass, 0, None).paths.remove(0);
         let path = |ratio| PathRecord { ratio: Some(ratio), ..known.clone() };
         assert_eq!(["48%", "100%", "0%"], [0.48, 1.0, 0.0].map(|ratio| share(&path(ratio))));
-        assert_eq!(share(&PathRecord { ratio: None, ..known }), "", "no share without a bound");
+        assert_eq!(share(&PathRecord { ratio: None, ..known }), "", "no ratio, so no percentage");
     }
 
     #[test]
