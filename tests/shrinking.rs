@@ -184,7 +184,7 @@ fn the_simplest_case_is_replayed() {
     let (passed, text) = kept(folder.path(), "mended", &environment);
     assert!(passed && text.contains("f: 1 case agrees"), "{text}");
     for (input, message) in
-        [("3f800000", "has cases of 5 words, but KARAT_INPUT has 1"), ("x", "isn't a list")]
+        [("3f800000", "needs 5 words in each case, but KARAT_INPUT has 1"), ("x", "isn't a list")]
     {
         let case = ("KARAT_CASE", "f/agrees_with/7");
         let (passed, text) = kept(folder.path(), "", &[case, ("KARAT_INPUT", input)]);

@@ -43,7 +43,7 @@ pub enum Vacuous {
     #[error("no longer has the simpler value that KARAT_CASE selects")]
     NoSuchStep,
     /// A replay supplies more or fewer words of arguments than a case has.
-    #[error("has cases of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
+    #[error("needs {} in each case, but KARAT_INPUT has {found}", counted(*expected, "word"))]
     Words {
         /// The number of words of a case.
         expected: usize,

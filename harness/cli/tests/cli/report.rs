@@ -658,7 +658,7 @@ fn no_closing_line_contradicts_its_run() {
         (
             pass.clone(),
             Run { not_run: 7, passed: false, ..Run::default() },
-            "7 tests weren't run because another test failed: run with --no-fail-fast; 1 check passed",
+            "7 tests didn't run because another test failed: run with --no-fail-fast; 1 check passed",
         ),
     ] {
         write(&folder, "1.jsonl", &lines);
@@ -710,7 +710,7 @@ fn a_run_and_a_merge_that_lack_checks_say_so() {
     };
     let words = "warning: 4/5 tests were not run due to test failure (run with --no-fail-fast ..)";
     let stopped = part("a", "fail", words);
-    let told = "4 tests weren't run because another test failed: run with --no-fail-fast; 1 check, 1 failed";
+    let told = "4 tests didn't run because another test failed: run with --no-fail-fast; 1 check, 1 failed";
     assert!(stopped.code == Some(1) && stopped.out.contains(told), "{stopped:?}");
     part("b", "pass", "");
     let cargo = part("c", "fail", "error: test failed, to rerun pass `--lib`");

@@ -127,9 +127,8 @@ impl Sum {
         }
         if run.not_run > 0 {
             let tests = counted(run.not_run, "test");
-            let were = if run.not_run == 1 { "wasn't" } else { "weren't" };
             sum = sum.with(format!(
-                "{tests} {were} run because another test failed: run with --no-fail-fast"
+                "{tests} didn't run because another test failed: run with --no-fail-fast"
             ));
         } else if run.stopped {
             let why = "the runner stopped at a failure, so later tests may be missing: run with \
@@ -313,7 +312,7 @@ mod tests {
         let stopped = Run { not_run: 4, failed: names(&["t"]), ..red.clone() };
         assert_eq!(
             line(one, Some(&stopped)),
-            "4 tests weren't run because another test failed: run with --no-fail-fast; 1 check, 1 failed"
+            "4 tests didn't run because another test failed: run with --no-fail-fast; 1 check, 1 failed"
         );
         let stopped = Run { stopped: true, ..red };
         assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));

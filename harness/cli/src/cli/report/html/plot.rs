@@ -42,7 +42,7 @@ pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
         @if !drawn.is_empty() {
             figure {
                 figcaption {
-                    "Errors divided by their bounds on " (path) " (" (asserted) "). Each of the " (plot.rows.len())
+                    "On " (path) ", each error divided by its bound (" (asserted) "). Each of the " (plot.rows.len())
                     " dots is a case. The line at 1 is the bound, and dots above the line are red. Blank fields of the \
                      map contain no case."
                 }
