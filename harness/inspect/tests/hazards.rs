@@ -524,7 +524,7 @@ fn a_report_says_what_was_drawn() {
         look("fn h(x: f32, worldNormal: vec3f) -> f32 { return exp(x) + sqrt(100.0 - x); }");
     let kinds: Vec<Kind> = hazards.found.iter().map(|hazard| hazard.kind).collect();
     assert_eq!(kinds, [Kind::Nan, Kind::Infinite]);
-    let drawn = "a unit vector: worldNormal\nfrom -1048576 to 1048576; half of the values are from -4 to 4: x";
+    let drawn = "a unit vector: worldNormal\nfrom -1048576 to 1048576, with half of the values from -4 to 4: x";
     assert_eq!(hazards.drawn.to_string(), drawn);
 }
 

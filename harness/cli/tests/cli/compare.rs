@@ -62,7 +62,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     let ran = karat(alone.path(), &["compare", "HEAD"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "4096 inputs\n    generated from -1048576 to 1048576; half of the values are from -4 to 4: x",
+        "4096 inputs\n    generated from -1048576 to 1048576, with half of the values from -4 to 4: x",
         "changed    calc::fs  calc.wgsl:2:11",
         "1 changed, 1 edited with the same results, 0 untouched",
     ] {

@@ -437,7 +437,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
             "t.wgsl",
             "import karat::expect_near;\n@test fn t(x: f32, n: vec3f, seed: u32) {\n    \
              expect_near(x, 0.0, 100.0);\n}\n",
-            "arguments: x from -1048576 to 1048576; half of the values are from -4 to 4; n a unit vector; seed any",
+            "arguments: x from -1048576 to 1048576, with half of the values from -4 to 4; n a unit vector; seed any",
         ),
         (
             "brdf.test.toml",

@@ -405,7 +405,7 @@ impl Part {
         const FEW: u8 = 8;
         /// The largest count: loops over the samples of a pixel or the taps of a filter rarely need more iterations.
         const MOST: u8 = 64;
-        let described = format!("from 1 to {MOST}; half of the values are at most {FEW}");
+        let described = format!("from 1 to {MOST}, with half of the values at most {FEW}");
         let (most, few) = (u32::from(MOST), u32::from(FEW));
         Some(match scalar {
             Scalar::U32 => {

@@ -26,9 +26,11 @@ pub(super) fn described(scalar: Scalar) -> String {
     match scalar {
         Scalar::F16 => format!("from -{LARGEST_HALF} to {LARGEST_HALF}"),
         Scalar::F32 => {
-            format!("from -{LARGEST} to {LARGEST}; half of the values are from -{SMALL} to {SMALL}")
+            format!(
+                "from -{LARGEST} to {LARGEST}, with half of the values from -{SMALL} to {SMALL}"
+            )
         }
-        Scalar::I32 | Scalar::U32 => format!("any integer; half of the values are below {FEW}"),
+        Scalar::I32 | Scalar::U32 => format!("any integer, with half of the values below {FEW}"),
         Scalar::Bool => "false or true".to_owned(),
     }
 }
