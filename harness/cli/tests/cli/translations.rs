@@ -545,7 +545,7 @@ fn array_length_is_equal_on_each_route() {
     }
 }
 
-/// An entry point that takes minutes on a software driver, with three fast entry points.
+/// A shader with four entry points: one takes minutes on a software driver, and three are fast.
 #[cfg(target_os = "linux")]
 fn slow_and_three() -> String {
     let terms: String = (0..300)
