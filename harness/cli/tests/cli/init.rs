@@ -404,8 +404,8 @@ fn a_project_for_the_web_gets_a_script() {
     assert!(said.contains("the tests don't require Chrome's compiler: "), "{said}");
 }
 
-/// `karat init` reports an invalid module, and writes tests for the others. `matrix` and `compare` accept a folder, as
-/// other commands do.
+/// `karat init` reports an invalid module, and writes tests for the valid modules.
+/// Also tests that `karat matrix` and `karat compare` accept a folder.
 #[test]
 fn init_writes_tests_for_the_valid_modules() {
     let folder = tempfile::tempdir().expect("a temporary folder");
