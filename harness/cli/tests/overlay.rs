@@ -1,4 +1,4 @@
-//! `KARAT_OVERLAY` on the command line: files that replace modules.
+//! Tests the environment variable `KARAT_OVERLAY`, which names a folder of files that replace modules.
 
 #[path = "given/files.rs"]
 mod files;

@@ -72,7 +72,7 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
-/// If an assertion is false, `karat call` fails, with one case, with a range of arguments and with a table of rows. A
+/// `karat call` fails if an assertion is false for a single case, for a value in a range, or for a row of a table. A
 /// call that fails still shows the values of `karat: print` lines.
 // Lesson 37
 #[test]

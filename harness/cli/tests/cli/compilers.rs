@@ -655,7 +655,7 @@ mod fakes {
         }
     }
 
-    /// Karat reads the verdict from the output of the compiler's own binary.
+    /// If `KARAT_TINT` names a `tint` executable, Karat runs it and reads the verdict from its output.
     // Lesson 203
     #[test]
     fn a_tint_binary_is_read() {

@@ -262,8 +262,8 @@ fn a_heatmap_replaces_no_input() {
     }
 }
 
-/// Karat writes a new file beside the old one and renames it. A program that is reading the old file can read it to its
-/// end.
+/// Karat writes a temporary file beside the old file, then renames the temporary file. A program that is reading the
+/// old file can read it to its end.
 #[test]
 fn a_heatmap_is_written_whole() {
     let folder = images();

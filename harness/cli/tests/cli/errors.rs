@@ -3,7 +3,8 @@
 use super::pending::zip;
 use super::*;
 
-/// Runs a command that fails, and returns its error message. Checks that no part between colons occurs twice.
+/// Runs a command that fails, and returns its error message. Checks that the message doesn't repeat
+/// itself, as `a: b: a` does.
 #[track_caller]
 fn error(folder: &FilePath, arguments: &[&str]) -> String {
     let error = karat(folder, arguments).error();

@@ -1,5 +1,5 @@
 //! Tests that Karat refuses a check that does nothing or can't fail, and reports the line of the check's key. Also
-//! tests that Karat counts hazards with a result that the shader doesn't use.
+//! tests that Karat counts hazards whose result the shader doesn't use.
 
 use super::*;
 

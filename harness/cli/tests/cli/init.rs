@@ -369,8 +369,8 @@ fn init_writes_in_ci_only_with_ci_may_write() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// If a project has a `package.json`, `karat init` adds a script that runs the tests. The command makes the package
-/// of shaders require Tint only if Tint's npm package is listed in `package.json` and installed.
+/// If a project has a `package.json`, `karat init` adds a script that runs the tests. If Tint's npm
+/// package isn't listed in `package.json` or isn't installed, the tests don't require Tint.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -404,8 +404,8 @@ fn a_project_for_the_web_gets_a_script() {
     assert!(said.contains("the tests don't require Chrome's compiler: "), "{said}");
 }
 
-/// `karat init` reports an invalid module, and writes tests for the others. `matrix` and `compare` accept a folder, as
-/// other commands do.
+/// `karat init` reports an invalid module, and writes tests for the valid modules.
+/// Also tests that `karat matrix` and `karat compare` accept a folder.
 #[test]
 fn init_writes_tests_for_the_valid_modules() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -69,8 +69,8 @@ fn a_report_replaces_no_record() {
     karat(folder, &["report", "--record", "run", "--junit", "run/junit.xml"]).good();
 }
 
-/// Karat writes a new file beside the old one and renames it. A program that is reading the old file can read it to its
-/// end.
+/// Karat writes a temporary file beside the old file, then renames the temporary file. A program that is reading the
+/// old file can read it to its end.
 // Lesson 59
 #[test]
 fn every_output_is_written_whole() {

@@ -688,8 +688,8 @@ fn no_closing_line_contradicts_its_run() {
     }
 }
 
-/// If a runner stops at the first failure, the report says that tests are missing. So does a report that merges this
-/// run with others.
+/// If a runner stops at the first failure, the report says that tests are missing. If this run is
+/// merged with other runs, the merged report says the same.
 // Lesson 183
 #[cfg(unix)]
 #[test]

@@ -266,7 +266,7 @@ fn compute_entry_points_are_run() {
     assert_eq!(nothing["stopped"]["why"], "nothing_to_compare", "{nothing}");
 }
 
-/// WGSL allows a subnormal number to be 0 (15.7.2), in a buffer and in a result.
+/// WGSL (section 15.7.2) lets drivers replace a subnormal number by 0, so Karat accepts 0 in a pass's buffer.
 #[test]
 fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -545,7 +545,7 @@ fn array_length_is_equal_on_each_route() {
     }
 }
 
-/// An entry point that takes minutes on a software driver, with three fast entry points.
+/// A shader with four entry points: one takes minutes on a software driver, and three are fast.
 #[cfg(target_os = "linux")]
 fn slow_and_three() -> String {
     let terms: String = (0..300)
@@ -970,7 +970,7 @@ mod planted {
         assert!(says.as_str().is_some_and(|says| says.contains("(not compared: `p`)")), "{says}");
     }
 
-    /// In a loop, Karat compares the values of the last iteration, and says so, for functions and entry points.
+    /// If values in a loop differ, the explanation has the values of the last iteration, and says so.
     #[test]
     fn explanations_name_last_rounds_of_loops_and_entry_points() {
         let folder = shaders();

@@ -43,8 +43,8 @@ fn changed(line: &str) -> Option<&str> {
     line.strip_suffix("`, replace")?.rsplit_once("In `").map(|(_, file)| file)
 }
 
-/// The first part of a block that the text doesn't contain. A line `...` separates the parts of a block. The text must
-/// contain each part's lines one directly after another.
+/// Returns the first part of `block` that is missing in `text`. A line `...` separates the parts of a block. The text
+/// must contain each part's lines one directly after another.
 fn missing(block: &str, text: &str) -> Option<String> {
     let lines: Vec<&str> = block.lines().collect();
     let text: Vec<&str> = text.lines().collect();

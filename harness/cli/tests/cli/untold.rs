@@ -265,7 +265,8 @@ fn exact_names_are_exact() {
     assert!(near.contains("none of 1 test is called `in_range`"), "{near}");
 }
 
-/// If a golden of values has other arguments than the test, no case fails, but the table of results shows the failure.
+/// If the arguments in a golden of values differ from the test's arguments, the test fails, and the table of results
+/// shows `FAIL` for the test.
 #[test]
 fn a_golden_with_other_rows_fails_in_the_table() {
     let golden = "[[test]]\nfunction = \"f\"\nover = { x = \"0..1\" }\ncases = 20\ngolden = \"f\"\n\

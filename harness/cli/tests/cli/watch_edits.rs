@@ -55,7 +55,7 @@ use Edit::{Name, Text};
 const RUN: &str = "@compute @workgroup_size(4) fn run";
 const VS: &str = "-> @builtin(position) vec4f";
 
-/// Ten kinds of edits, with five edits of each kind. Each edit makes a package invalid, whichever package it is.
+/// Ten kinds of edits, with five edits of each kind. Each edit makes any of the three packages invalid.
 const INVALID: [(&str, [Edit; 5]); 10] = [
     (
         "unknown name",

@@ -23,7 +23,7 @@ pub(crate) struct Editor {
     diagnostics: BTreeMap<String, Vec<Value>>,
     /// The messages that the editor showed to the user.
     pub(crate) said: Vec<String>,
-    /// The methods of the server's other messages, which show the user nothing.
+    /// The methods of the server's messages that show nothing to the user.
     heard: Vec<String>,
     requests: u64,
     version: u64,

@@ -1,5 +1,5 @@
-//! Tests the diagnostics of failing checks. After each save, the server runs the tests without Rust. For Rust tests,
-//! the server uses the record of the last run.
+//! Tests the diagnostics of failing checks. After each save, the server runs the tests in WGSL and in TOML. For
+//! Rust tests, the server uses the record of the last run.
 
 use serde_json::{Value, json};
 

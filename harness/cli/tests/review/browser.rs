@@ -23,7 +23,8 @@ struct Process {
     url: String,
 }
 
-/// The process that concurrent tests share. Starting a browser keeps both cores busy for half a second.
+/// The browser process that concurrent tests share. Starting another process would keep two CPU cores busy for half a
+/// second.
 static SHARED: Mutex<Weak<Process>> = Mutex::new(Weak::new());
 
 /// A browser that reaches only this machine, with its own tabs and storage.

@@ -423,7 +423,8 @@ fn the_page_shows_the_parts_maps_and_gates_of_the_data() {
     );
 }
 
-/// The colours of a map extend over the range of numbers that the map declares. Pixels without a value are black.
+/// A map shows one number for each pixel as a colour. The colours extend over the range of numbers that the map
+/// declares. Pixels without a value are black.
 #[test]
 fn a_map_has_its_range_and_holes() {
     let project = Project::with_tiny();

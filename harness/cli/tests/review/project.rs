@@ -17,8 +17,8 @@ use crate::files::write;
 use crate::program::program;
 use crate::repository::git;
 
-/// The longest wait for the server. It is shorter than the time that the server gives a silent client, so a server that
-/// only waits for a client fails the test.
+/// The longest wait for the server. This is shorter than the server's timeout for silent clients, so a test fails if
+/// a silent client blocks the server.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(8);
 
 /// A project with its goldens in `golden/`.

@@ -1,4 +1,5 @@
-//! Tests that the server doesn't wait for clients that are silent, announce a body that never arrives, or are many.
+//! Tests that the server still replies if other clients are silent, announce a body that never arrives, or open
+//! hundreds of connections.
 
 use std::net::Shutdown;
 use std::time::Duration;

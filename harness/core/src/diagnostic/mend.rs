@@ -11,7 +11,7 @@ pub enum Mend {
     Condition(String),
     /// A placeholder that needs a value in `[values]`.
     Value(String),
-    /// An import is missing: another module declares the name. The text is a sentence that names this module.
+    /// A missing import of a name that another module declares. The text is a sentence that names this module.
     Elsewhere(String),
     /// A name in capitals that no module declares. This name may be a macro, which needs a value in `[values]`.
     Undeclared(String),

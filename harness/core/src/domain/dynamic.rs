@@ -385,8 +385,9 @@ impl Part {
     /// The names that [`named`](Self::named) knows.
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
-    /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. If `perspective` is `true`, one
-    /// edge of 4 x 4 matrices is a perspective projection. `None` if matrices of this size don't transform points.
+    /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. If `perspective` is `true`,
+    /// the edge cases of 4 x 4 matrices include a perspective projection. `None` if matrices of this size don't
+    /// transform points.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -539,9 +540,9 @@ impl Dynamic {
     }
 
     /// Makes a vector perpendicular to other vectors. `lanes` are the positions of the vector's words in a row, and
-    /// `to` has the position of the first word of each other vector. All these vectors have equally many components. If
-    /// one of the other vectors is made perpendicular, too, call this function for that vector first. Call
-    /// [`filtered`](Self::filtered) last.
+    /// `to` has one position for each of the other vectors: the position of that vector's first word. All these vectors
+    /// have equally many components. If one of the other vectors is made perpendicular, too, call this function for
+    /// that vector first. Call [`filtered`](Self::filtered) last.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -779,8 +780,7 @@ impl Debug for Shown {
 }
 
 /// Combines edges into rows. First come rows in which each edge of each part occurs at least once, so that a few cases
-/// cover all edges. Then come all combinations of the first edges of the parts. Then each remaining edge comes with
-/// varying edges of the other parts.
+/// cover all edges. Then come all combinations of the first edges of the parts.
 fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     if edges.iter().any(Vec::is_empty) {
         return Vec::new();

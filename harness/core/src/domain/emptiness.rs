@@ -45,7 +45,7 @@ impl Emptiness {
     }
 }
 
-/// Describes the end of a range that isn't finite, such as `ends at inf`. `None` if both ends are finite.
+/// Describes an infinite or NaN end of a range: `ends at inf`. `None` if both ends are finite.
 pub(super) fn infinite(low: f32, high: f32) -> Option<String> {
     let fault = |verb: &str, value: f32| format!("{verb} at {value}");
     match (low.is_finite(), high.is_finite()) {

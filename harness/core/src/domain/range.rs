@@ -18,9 +18,9 @@ fn either(first: bool, a: f64, b: f64) -> f64 {
 impl Domain for RangeInclusive<f32> {
     type Value = f32;
 
-    /// Of 16 samples, 1 is an end, 3 are at a logarithmic distance from an end, 1 is a landmark in the range (0, 1,
-    /// 1/2, ...), and 11 are uniform. If the range contains numbers below and above 0, then 4 of the 11 samples are at
-    /// a logarithmic distance from 0. Two of these 4 samples use the size of the range as the scale. The other two use
+    /// Of 16 samples, 1 is an end, 3 are at a logarithmic distance from an end, 1 is a landmark such as 0 or 1, and 11
+    /// are uniform. If the range contains numbers below and above 0, only 7 samples are uniform, and 4 are at a
+    /// logarithmic distance from 0. Two of these 4 samples use the size of the range as the scale. The other two use
     /// the scale 1, because shaders often add a small number to a number of about 1.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());

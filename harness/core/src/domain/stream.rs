@@ -118,7 +118,7 @@ impl Held {
     }
 }
 
-/// The cases of a check: assigns a value of the domain to each case number.
+/// The rule that assigns a value of the domain to each case number of a check.
 #[derive(Clone, Copy, Debug)]
 #[doc(hidden)]
 pub struct Numbering {
