@@ -800,21 +800,12 @@ fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
         });
         row.collect::<Vec<_>>().concat()
     });
-    let left = edges.iter().enumerate().flat_map(|(part, own)| {
-        (most..own.len()).map(move |edge| {
-            let row = edges.iter().enumerate().map(|(other, all)| {
-                let at = if other == part { edge } else { edge % all.len() };
-                all[at].as_slice()
-            });
-            row.collect::<Vec<_>>().concat()
-        })
-    });
     let each = (0..longest).map(|at| {
         edges.iter().map(|own| own[at % own.len()].as_slice()).collect::<Vec<_>>().concat()
     });
     let mut rows: Vec<Vec<u32>> = Vec::new();
     let mut seen = HashSet::new();
-    for row in each.chain(firsts).chain(left) {
+    for row in each.chain(firsts) {
         if seen.insert(row.clone()) {
             rows.push(row);
         }
