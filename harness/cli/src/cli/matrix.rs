@@ -179,7 +179,8 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     Ok(ending)
 }
 
-/// Returns an error if an output would overwrite shaders or another output, before the work starts.
+/// Returns an error if an output would overwrite shaders or another output, or if the folder of
+/// `--reproduce` has files.
 fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
     let files = [&args.markdown, &args.html, &args.junit].into_iter().flatten();
     for file in files.clone() {
@@ -361,8 +362,9 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Formats the status of a cell. If fewer than half of the cases were compared, adds their number. If results differ
-/// where WGSL allows several results, also adds the number of these differences.
+/// Formats the status of a cell. If a function's results agree, but fewer than half of the cases were compared, adds the
+/// number of compared cases. If results differ where WGSL allows several results, also adds the number of these
+/// differences.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
     let word = match cell.status {

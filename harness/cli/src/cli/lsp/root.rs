@@ -50,7 +50,7 @@ impl Root {
         Ok(root)
     }
 
-    /// Searches for the packages again, with the same rules as the commands.
+    /// Searches for the packages again, with the same rules as `karat test`.
     pub(super) fn find_packages(&mut self) -> anyhow::Result<()> {
         let used = self.project.used_by(&self.records, &[]);
         let mut found = self.project.search_with(&PackageArgs::default(), &used)?;
