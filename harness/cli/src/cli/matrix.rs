@@ -362,8 +362,8 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Formats the status of a cell. If a function's results agree, but fewer than half of the cases were compared, adds the
-/// number of compared cases. If results differ where WGSL allows several results, also adds the number of these
+/// Formats the status of a cell. If a function's results agree, but fewer than half of the cases were compared, adds
+/// the number of compared cases. If results differ where WGSL allows several results, also adds the number of these
 /// differences.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
