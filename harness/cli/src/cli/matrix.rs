@@ -238,7 +238,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Lists the wrong cells and the declarations that are no longer true, and returns the number of listed items.
+/// Lists the wrong cells, and the declared failures that no longer occur. Returns the number of listed items.
 fn tell_findings(matrices: &[Matrix]) -> usize {
     let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
     let (outdated, wrong): (Vec<&Finding>, Vec<&Finding>) =

@@ -179,8 +179,8 @@ impl Project {
         })
     }
 
-    /// Finds the project whose last run a command reports. Without Cargo, this is the folder that was tested last: the
-    /// working directory or a folder below it.
+    /// Finds the project for commands that use the last run, such as `karat report`. Without Cargo, this is the
+    /// folder that was tested last: the working directory or a folder below it.
     pub(super) fn last_tested() -> anyhow::Result<Self> {
         Self::last_tested_at(&here()?)
     }
