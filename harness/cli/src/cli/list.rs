@@ -188,8 +188,8 @@ fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
     }
 }
 
-/// Returns the functions that a test can call: all functions of readable modules except entry points. Other modules are
-/// left out, because validation reports them.
+/// Returns the functions that a test can call: all functions of readable modules except entry points. Unreadable
+/// modules are left out, because validation reports them.
 pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
     let modules = package.modules()?;
     let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
@@ -242,8 +242,8 @@ fn of_function(
     }
 }
 
-/// Returns an entry for each function of an invalid module, and reads each function separately. Returns no entries if
-/// the module has more than [`MOST_ALONE`] functions.
+/// Reads the functions of an invalid module one by one, and returns their entries. Returns no entries if the module has
+/// more than [`MOST_ALONE`] functions.
 fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entry> {
     let items = package.functions_in(module).unwrap_or_default();
     if items.len() > MOST_ALONE {

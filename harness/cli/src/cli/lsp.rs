@@ -49,7 +49,7 @@ enum Event {
     Files(Vec<PathBuf>),
     /// A process that runs tests wrote a line, or ended.
     Worker(usize, Said),
-    /// The tests of a lens have ended.
+    /// The tests that the user started with a lens have ended.
     Ran(run::Ended),
 }
 

@@ -1,4 +1,4 @@
-//! `karat match`: compares an image of another program with its golden.
+//! `karat match`: compares another program's image with a golden.
 
 use std::io::Write;
 use std::path::PathBuf;

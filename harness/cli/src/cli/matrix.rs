@@ -179,7 +179,8 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     Ok(ending)
 }
 
-/// Returns an error if an output would overwrite shaders or another output, before the work starts.
+/// Returns an error if an output would overwrite shaders or another output, or if the folder of
+/// `--reproduce` has files.
 fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
     let files = [&args.markdown, &args.html, &args.junit].into_iter().flatten();
     for file in files.clone() {
@@ -237,7 +238,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Lists the wrong cells and the declarations that are no longer true, and returns the number of listed items.
+/// Lists the wrong cells, and the declared failures that no longer occur. Returns the number of listed items.
 fn tell_findings(matrices: &[Matrix]) -> usize {
     let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
     let (outdated, wrong): (Vec<&Finding>, Vec<&Finding>) =
@@ -361,8 +362,9 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Formats the status of a cell. If fewer than half of the cases were compared, adds their number. If results differ
-/// where WGSL allows several results, also adds the number of these differences.
+/// Formats the status of a cell. If a function's results agree, but fewer than half of the cases were compared, adds
+/// the number of compared cases. If results differ where WGSL allows several results, also adds the number of these
+/// differences.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
     let word = match cell.status {

@@ -253,7 +253,7 @@ fn apart(path: &str) -> Outcome {
     }
 }
 
-/// Tries the mutants, and shows a bar on a terminal.
+/// Tries the mutants, and shows a progress bar on a terminal.
 fn hunt(
     request: &Request,
     others: Option<&OfPackage<'_>>,

@@ -115,7 +115,7 @@ fn holds(path: &Path, depth: usize) -> bool {
     depth > 0 && !is_of_tools(path) && visible(path).any(inside)
 }
 
-/// Returns the entries of a folder that aren't hidden files.
+/// Returns the files and folders in a folder, except for those whose names start with `.`.
 fn visible(folder: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let shown = entries.filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'));
@@ -148,8 +148,8 @@ pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Pac
     }
 }
 
-/// Returns a note if a package is a single file, and another file beside it has its tests: these tests didn't run,
-/// because the user named the file and not the folder. Otherwise returns `None`.
+/// Returns a note if the user named a shader, such as `tone.wgsl`, and not the folder: then the tests in
+/// `tone_test.wgsl` didn't run. Otherwise returns `None`.
 pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
     let beside = |file: PathBuf| {
         let stem = file.file_stem()?.to_str()?;
@@ -179,8 +179,8 @@ impl Project {
         })
     }
 
-    /// Finds the project whose last run a command reports. Without Cargo, this is the folder that was tested last: the
-    /// working directory or a folder below it.
+    /// Finds the project for commands that use the last run, such as `karat report`. Without Cargo, this is the
+    /// folder that was tested last: the working directory or a folder below it.
     pub(super) fn last_tested() -> anyhow::Result<Self> {
         Self::last_tested_at(&here()?)
     }
@@ -283,8 +283,8 @@ impl Project {
         self.settings.iter().any(|(_, said)| said.packages.is_some())
     }
 
-    /// Returns the folder of goldens that the project or a member declares. Without a declaration, returns the folder
-    /// `golden`, or if it doesn't exist, the only folder of goldens that the last run used.
+    /// Returns the folder of goldens that the project or a member declares. Without a declaration, returns `golden`.
+    /// If no such folder exists, and the last run used exactly one folder of goldens, returns the used folder.
     pub(super) fn golden(&self) -> PathBuf {
         let declared =
             |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));
@@ -310,7 +310,7 @@ impl Project {
         })
     }
 
-    /// Returns the folders of goldens in the project that the last run used.
+    /// Returns the folders of goldens that the last run used, if they are in the project.
     pub(super) fn used_goldens(&self) -> Vec<PathBuf> {
         let Some(recorded) = self.last_run() else { return Vec::new() };
         let root = self.root.canonicalize().ok();

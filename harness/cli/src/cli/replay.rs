@@ -124,8 +124,8 @@ fn start(project: &Path, arguments: &[String]) -> PathBuf {
     root.ancestors().find(has).unwrap_or(project).to_owned()
 }
 
-/// Returns the process of a recorded command. A record may come from another machine, so the command may run only cargo
-/// or karat, and set only variables `KARAT_*`.
+/// Makes the [`Command`] of a recorded replay. A record may come from another machine, so the command can run only
+/// cargo or karat, and set only variables `KARAT_*`.
 fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let Replay { variables, program, arguments } = replay;
     let mut command = match &**program {

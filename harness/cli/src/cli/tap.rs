@@ -34,7 +34,7 @@ pub(super) struct Args {
     /// FILE:LINE:COLUMN), or `karat:print`
     #[arg(value_name = "VALUE")]
     values: Vec<String>,
-    /// Shows the value that a pixel computes the Nth time, from 1 [default: the last time]
+    /// If a pixel computes the value several times, shows the Nth result, counted from 1 [default: the last result]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
     /// Also prints the value that Karat's engine computes at this pixel or invocation; may be repeated

@@ -337,8 +337,8 @@ impl<'a> Asked<'a> {
         Self { about: Subjects::read(&project.record()).about(filter), ..self }
     }
 
-    /// If the filter may be the name of a function, prints a note: the filter finds a new Rust test only by the test's
-    /// name.
+    /// If the filter may be the name of a function, prints the note that Karat doesn't know yet which functions a new
+    /// Rust test checks.
     fn write_unknown(
         &self,
         project: &Project,

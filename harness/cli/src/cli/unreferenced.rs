@@ -51,7 +51,7 @@ struct Report {
     unreferenced: Vec<Golden>,
     /// The goldens of profiles that didn't run.
     unjudged: Vec<Golden>,
-    /// The goldens whose provenance is missing or doesn't match the image, without the unreferenced goldens.
+    /// The goldens whose provenance is missing or doesn't match the image. Unreferenced goldens aren't in this list.
     doubtful: Vec<Doubt>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,

@@ -16,10 +16,10 @@ const DOT: u32 = 2;
 /// The image width for which a unit is one pixel wide. In an image that is twice as wide, a unit is 2 pixels wide.
 /// People view wide images scaled down, so a wide image needs a larger legend.
 const UNIT: u32 = 960;
-/// The smallest width, in units, of a bar with room for the numbers of [`PARTS`] parts.
+/// The smallest width, in units, of a bar with [`PARTS`] parts. A narrower bar has numbers only at its two ends.
 const WIDE: u32 = 300;
 /// The number of equal parts into which the ticks divide a wide bar. The scale ends at a number such as 0.1, 0.2 or
-/// 0.5, and a fifth of such a number is short.
+/// 0.5, so a fifth of this number has few digits.
 const PARTS: u32 = 5;
 /// The smallest width of a bar, in units.
 const SHORT: u32 = 60;

@@ -99,8 +99,8 @@ fn inserted(text: &str, member: &str) -> Option<String> {
     Some(format!("{}{before}{own}{comma}{after}{rest}", &text[..=open]))
 }
 
-/// Writes a setting into `karat.toml`, after which a shader is valid only if Tint accepts it, too. Firefox uses naga,
-/// but Chrome and Edge use Tint.
+/// Writes a setting into `karat.toml` that makes a shader invalid if Tint rejects it. Firefox uses naga, but Chrome and
+/// Edge use Tint.
 fn ask_for_tint(
     folder: &Path,
     (whole, manifest): (&Path, &Path),

@@ -107,8 +107,8 @@ impl<'d> Now<'d> {
     }
 }
 
-/// Checks if a test started before a file was saved. If the start of the test is unknown, returns `true`. Records round
-/// the start down to milliseconds, so a file that was saved in the same millisecond counts as saved before the start.
+/// Checks if a test started before a file was saved. If the start of the test is unknown, returns `true`. A record
+/// has the start in whole milliseconds. A file that was saved in the same millisecond counts as saved before the start.
 fn began_before(time: Option<&Time>, saved: SystemTime) -> bool {
     let started = time.and_then(|time| humantime::parse_rfc3339(&time.started).ok());
     started.is_none_or(|started| saved >= started + Duration::from_millis(1))

@@ -56,7 +56,7 @@ pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
     }
 }
 
-/// Adds a finding once: an error in an imported module appears in each module that imports it.
+/// Adds a finding, unless the file already has it. Each module that imports an invalid module reports the same error.
 fn insert(file: PathBuf, diagnostic: Diagnostic, findings: &mut Findings) {
     let own = findings.entry(file).or_default();
     if !own.contains(&diagnostic) {

@@ -94,7 +94,7 @@ pub(super) struct Known<'k> {
     pub(super) verdicts: &'k Verdicts,
     /// `true` while tests run.
     pub(super) busy: bool,
-    /// `true` if Karat knows all tests. Then a function without a known test has no test.
+    /// `true` if Karat knows all tests. Then the lens of a function without tests says `no test`.
     pub(super) whole: bool,
 }
 

@@ -25,7 +25,7 @@ pub(super) struct Root {
     records: Vec<Record>,
     /// The records of the last run. `karat replay` replays the failures of this run.
     pub(super) last: Vec<Record>,
-    /// `true` if one of the runs included all tests. Then a function without a record has no test.
+    /// `true` if one of the runs included all tests, so that a function without a record is untested.
     whole: bool,
     stamp: Option<Stamp>,
 }
@@ -50,7 +50,7 @@ impl Root {
         Ok(root)
     }
 
-    /// Searches for the packages again, with the same rules as the commands.
+    /// Searches for the packages again, with the same rules as `karat test`.
     pub(super) fn find_packages(&mut self) -> anyhow::Result<()> {
         let used = self.project.used_by(&self.records, &[]);
         let mut found = self.project.search_with(&PackageArgs::default(), &used)?;

@@ -12,7 +12,7 @@ use serde_json::json;
 use super::Event;
 use super::wire::Client;
 
-/// The current run. There is at most one.
+/// The state of `karat.run`: at most one run at a time.
 #[derive(Default)]
 pub(super) struct Runs {
     running: Option<String>,

@@ -21,8 +21,8 @@ use super::super::suite::cargo::programs::{Programs, TestProgram};
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The longest time that the checks of a fast test take. The start of a test program takes only a few hundredths of a
-/// second.
+/// The longest time that the checks of a fast test take. Slower tests run last, in another start of the test
+/// program. This start takes only a few hundredths of a second.
 const QUICK: Duration = Duration::from_millis(200);
 
 pub(super) struct RustTests {

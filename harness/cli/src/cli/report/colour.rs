@@ -2,7 +2,7 @@
 
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 
-/// Adds colours to a message. If colours are off, standard output and standard error remove them later.
+/// Adds colours to a message. If colours are off, the output stream removes the colour codes later.
 pub(in crate::cli) fn painted(message: &str) -> String {
     message.lines().map(line).collect::<Vec<_>>().join("\n")
 }

@@ -31,7 +31,7 @@ pub(in crate::cli) fn runs_here() -> bool {
     std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true")
 }
 
-/// The random word that makes GitHub's runner obey commands again. `None` if the runner obeys commands already.
+/// The random word that makes GitHub's runner obey commands again. `None` if the runner never stopped obeying them.
 #[derive(Debug, Default)]
 pub(in crate::cli) struct Held(Option<String>);
 

@@ -250,7 +250,7 @@ fn cell(path: &PathRecord) -> Markup {
     }
 }
 
-/// Returns a bar chart of the errors, divided by the bound. Each bar covers the range between two powers of two.
+/// Returns a bar chart that counts the cases by error / bound. Each bar covers the range between two powers of two.
 fn distribution(errors: &Errors) -> Markup {
     const LEAST: i32 = -12;
     const MOST: i32 = 4;

@@ -135,8 +135,8 @@ fn classname(record: &Record) -> String {
     }
 }
 
-/// Checks if this path makes the check fail: cases fail on the path, or a known issue no longer occurs. If no path
-/// does, blames each path.
+/// Checks if this path makes the check fail: cases fail on the path, or a known issue no longer occurs. If no
+/// path makes the check fail, returns `true` for each path.
 fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     let guilty = |path: &PathRecord| (path.failures > 0) != path.known_issue.is_some();
     guilty(path) || !record.paths.iter().any(guilty)

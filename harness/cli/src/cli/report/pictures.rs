@@ -1,4 +1,4 @@
-//! Small pictures of failing frames, for people: the golden, the frame, and the difference.
+//! Small PNG images for each failing frame: the golden, the frame, and the difference.
 //!
 //! A summary on GitHub can show only images with a URL, and GitHub removes `data:` URLs. So the pictures are in the
 //! artefact of the run, and the summary names them.

@@ -1,8 +1,8 @@
 //!
 //! The last line of a run: the sum of its verdicts.
 //!
-//! The line, its colour and the exit code come from the same count, so they can't contradict each other: the line says
-//! "0 failed" only if the run passed.
+//! The last line, its colour and the exit code come from the same count, so they can't contradict each other: the line
+//! says "0 failed" only if the run passed.
 
 use std::collections::BTreeSet;
 use std::io::Write;

@@ -285,8 +285,8 @@ fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// Formats the largest error divided by its bound: `48%`, or `27 x` above ten times the bound. An error above the bound
-/// never rounds to `100%`.
+/// Formats the largest error divided by its bound: `48%`, or `27 x` if the quotient is at least 10. An error above the
+/// bound never rounds to `100%`.
 pub(super) fn share(path: &PathRecord) -> String {
     match path.ratio.filter(|ratio| ratio.is_finite()) {
         Some(ratio) => percentage(ratio),

@@ -3,8 +3,7 @@
 //!
 //! If a Rust file changed, Cargo builds the test programs. If shaders changed, the programs run without a build. An
 //! edit affects a test if it changes a shader program that the test linked in its last run, or a file that the test
-//! read. Each run starts the test programs again. Rust's test runner ends after its tests, and a program that stayed
-//! alive might have old contents of files.
+//! read. Each run starts the test programs again, because Rust's test runner ends after its tests.
 
 pub(in crate::cli) mod libtest;
 pub(in crate::cli) mod programs;

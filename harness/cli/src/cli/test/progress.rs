@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// The progress of a run. The bar needs the number of all tests. If this run includes all tests, Karat knows their
-/// number from an earlier run of all tests. Each test program prints its own number only when it starts, so a bar that
-/// used the sum of these numbers would jump backwards.
+/// number from an earlier run of all tests. Each test program prints the number of its tests only when it starts, so
+/// a bar that used the sum of these numbers would jump backwards.
 pub(super) struct Progress {
     line: Line,
     done: u64,

@@ -181,7 +181,7 @@ fn is_output(path: &Path) -> bool {
     own.is_some_and(|own| outputs.contains(&own))
 }
 
-/// Checks if a path below the root is a tool's own file, build output, or a pending frame.
+/// Checks if a path below the root is build output, a pending frame, or a file of a tool, such as git or an editor.
 fn is_ours(path: &Path, root: &Path) -> bool {
     let below = path.strip_prefix(root).unwrap_or(path);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
