@@ -197,9 +197,8 @@ fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
     floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
 }
 
-/// A value near `value`. An integer changes by 1. Each component of a float or vector changes by at most a random share
-/// of the value's length. The share is between 2^-24 and 1, and small shares are as likely as large ones: its logarithm
-/// is uniform. A unit vector stays a unit vector.
+/// A value near `value`. An integer changes by 1. Each float changes by at most a random share of the value's length.
+/// The share is between 2^-24 and 1, and its logarithm is uniform. A unit vector stays a unit vector.
 fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
     let up = source.bits() & 1 == 0;
     if let Some(value) = value.downcast_ref::<i32>() {
