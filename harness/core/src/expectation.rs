@@ -15,11 +15,12 @@ use std::sync::LazyLock;
 /// kind and the number of components, four for the values, four for the expected values, and two for the bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The largest number of expectations whose values a case stores. A message only counts further failures.
+/// The largest number of expectations whose values a case stores. If more expectations fail, the message states only
+/// their number.
 pub const MOST_KEPT: usize = 3;
 
-/// The number of `u32`s in a test's result: the number of evaluated expectations, the number of expectations that may
-/// have failed, and the stored values of the first [`MOST_KEPT`] of these expectations.
+/// The number of `u32`s in a test's result. The result consists of the number of evaluated expectations, the number of
+/// expectations that may have failed, and the stored values of the first [`MOST_KEPT`] of these expectations.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
 /// The kind of an expectation. The generated WGSL uses the numbers of these variants.
@@ -116,8 +117,8 @@ fn four(x: &str, width: usize) -> String {
     }
 }
 
-/// Declares the variables that store expectations that may have failed. Each stored expectation has its own variables,
-/// because an array with a variable index makes compilation tens of times slower in some drivers.
+/// The WGSL that stores expectations that may have failed, in private variables. Each stored expectation has its own
+/// variables, because an array with a variable index makes compilation tens of times slower in some drivers.
 fn report() -> String {
     let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
     let (mut stored, mut listed) = (String::new(), String::new());

@@ -107,8 +107,8 @@ impl Kind {
         }
     }
 
-    /// Checks if a test of a pass fails when the pass has a hazard of this kind. Only reading unwritten workgroup
-    /// memory isn't a failure, because WGSL says that this memory is zero.
+    /// Checks if a test of a pass fails when the pass has a hazard of this kind. A test allows reads of unwritten
+    /// workgroup memory, because WGSL says that this memory is zero. All other kinds fail the test.
     #[must_use]
     pub fn fails(self) -> bool {
         self != Self::Unwritten

@@ -5,7 +5,7 @@
 //! compiles them in parallel with the shader compilers. Items that this documentation doesn't show are internal to
 //! Karat.
 
-/// The version of glam that this crate uses. The code that Karat's macros generate refers to it.
+/// The version of glam that this crate uses. Karat's macros generate code that uses this version.
 pub use glam;
 
 pub mod diagnostic;

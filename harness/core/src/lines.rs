@@ -97,8 +97,8 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Starts a program that ends each of its messages with the byte `end`. A message has at most `longest` bytes,
-    /// because a faulty process may never end its message.
+    /// Starts a program that ends each of its messages with the byte `end`. Karat reads at most `longest` bytes as one
+    /// message, because the message of a faulty process could be endless.
     #[doc(hidden)]
     pub fn start(
         command: &mut Command,

@@ -1,8 +1,8 @@
 //! Metrics: numbers that measure the difference between a frame and its golden.
 //!
-//! A [`Pair`] is a golden and a frame of the same size. All pixels of both images are finite. Outside a [`Mask`], the
-//! pair replaces the frame's pixels with the golden's. A [`Metric`] computes one number for the pair. The frame's
-//! tolerance has a bound for this number. NaN fails under every bound.
+//! A [`Pair`] is a golden and a frame of the same size. All compared pixels of both images are finite. Outside a
+//! [`Mask`], the pair replaces the frame's pixels with the golden's. A [`Metric`] computes one number for the pair. The
+//! frame's tolerance has a bound for this number. NaN fails under every bound.
 //!
 //! [`Gate`] measures the difference of each channel, and allows no outliers. [`Flip`] measures the difference that a
 //! person would see. [`Noise`] compares the difference with the noise of the two images.

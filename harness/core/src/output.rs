@@ -2,8 +2,8 @@
 //! as `head` does, the command still does its work.
 //!
 //! Karat doesn't trust the names of files and drivers or the texts of shaders. So Karat escapes every character, as in
-//! `\u{1b}`, except for printable characters, line ends and tabs. Karat doesn't escape its own colours. To know them,
-//! it marks each [`Style`] by a random number that only this process has.
+//! `\u{1b}`, except for printable characters, line ends and tabs. Karat doesn't escape its own colours: it marks each
+//! [`Style`] with a random number that only this process knows.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -11,8 +11,8 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind, Write};
 use std::sync::LazyLock;
 
-/// The colour and weight of a piece of text: `{BAD}` begins the style and `{BAD:#}` ends it. The string contains the
-/// terminal commands (ECMA-48, SGR) that begin the style.
+/// The colour and weight of a piece of text. In a format string, `{BAD}` begins the style `BAD`, and `{BAD:#}` ends it.
+/// The string contains the terminal commands (ECMA-48, SGR) that begin the style.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style(&'static str);
 
@@ -77,8 +77,8 @@ pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     }
 }
 
-/// Checks if Karat escapes a character: terminals interpret it as a command, it changes the direction of text, or XML
-/// can't contain it. `\n` and tabs are allowed.
+/// Checks if Karat escapes a character. Karat escapes the characters that terminals interpret as commands, that change
+/// the direction of text, or that XML can't contain. `\n` and tabs are allowed.
 fn commands(character: char) -> bool {
     match character {
         '\n' | '\t' => false,

@@ -21,9 +21,9 @@ const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
 ///
-/// The steps are counted in the ordered list of all `f32` values: `-0` equals `+0`, and steps between denormals count
-/// as well. WGSL allows drivers to flush results below `f32::MIN_POSITIVE` to zero, so two values that differ by less
-/// than `f32::MIN_POSITIVE` count as equal. If a function subtracts nearly equal values, use
+/// The steps are counted in the ordered list of all `f32` values, denormals included, in which `-0` equals `+0`. But if
+/// two values differ by less than `f32::MIN_POSITIVE`, their distance counts as 0, because WGSL allows drivers to flush
+/// results below `f32::MIN_POSITIVE` to zero. If a function subtracts nearly equal values, use
 /// [`near_zero`](Tolerance::near_zero), which allows larger errors near zero.
 ///
 /// ```
@@ -283,7 +283,7 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// A number in scientific notation, without the exponent if it is 0: `1e-3`, `2.5`.
+/// A number in scientific notation, such as `1e-3`. An exponent of 0 is left out: `2.5`.
 #[doc(hidden)]
 pub fn power(value: impl fmt::LowerExp) -> String {
     let text = format!("{value:e}");
@@ -347,9 +347,9 @@ impl Tolerance {
         }
     }
 
-    /// Sets the size of the steps in which ulps near zero are counted: below `magnitude`, all steps are as large as the
-    /// steps at `magnitude`. The result of a function that subtracts values of this magnitude can't be more exact than
-    /// these steps. Bounds in other units stay unchanged.
+    /// Makes ulps near zero larger: below `magnitude`, all steps are as large as the steps at `magnitude`. The result
+    /// of a function that subtracts values of this magnitude can't be more exact than these steps. Bounds in other
+    /// units stay unchanged.
     ///
     /// ```
     /// use karat::{Abs, Ulp};
@@ -521,8 +521,8 @@ impl Tolerance {
     }
 
     /// Checks quickly, by an estimate, if a lane's ratio is at most `ratio`. `true` is certain, but `false` isn't: the
-    /// lane's exact ratio may still be at most `ratio`. Most results are neither wrong nor the worst so far, so this
-    /// check is enough.
+    /// lane's exact ratio may still be at most `ratio`. This estimate is enough for most results, so Karat rarely
+    /// computes the exact ratio.
     #[inline]
     #[doc(hidden)]
     pub fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {

@@ -59,7 +59,7 @@ fn grids_hit_both_ends_exactly() {
     assert!([0.0..=1.0, -1.0..=1.0].map(|r| Grid::logarithmic(r, 9)).iter().all(Domain::is_empty));
 }
 
-/// `cast` converts values, bit for bit, to a Rust type that has the same WGSL type.
+/// `cast` changes the Rust type of a domain's values, but not their bits.
 #[test]
 fn a_cast_domain_has_the_same_edges() {
     let (own, cast) = (UnitVector.edges(), UnitVector.cast::<glam::Vec3>().edges());

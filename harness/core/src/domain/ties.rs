@@ -1,4 +1,4 @@
-//! Ties components of a tuple to each other.
+//! Ties: relations between the components of a sampled tuple, such as two equal directions.
 //!
 //! Many functions fail if two arguments are related: two equal directions have no angle between them, and two opposite
 //! directions have no half vector. If Karat sampled each component independently, two arguments would be related only
@@ -197,8 +197,8 @@ fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
     floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
 }
 
-/// A value at a small random distance from `value`. The distance lies between the size of the value and the size of its
-/// last bit, and its logarithm is uniform. A unit vector stays a unit vector.
+/// A value near `value`. An integer changes by 1. Each float changes by at most a random share of the value's length.
+/// The share is between 2^-24 and 1, and its logarithm is uniform. A unit vector stays a unit vector.
 fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
     let up = source.bits() & 1 == 0;
     if let Some(value) = value.downcast_ref::<i32>() {

@@ -23,8 +23,8 @@ pub(super) struct Transform {
 
 impl Transform {
     /// Makes a `Transform` for matrices of this size. `None` if such matrices don't transform points. Only square
-    /// matrices, and matrices of 3 by 4 or 4 by 3, transform points. If `perspective` is `true`, one of the edges of 4
-    /// by 4 matrices is a perspective projection.
+    /// matrices, and matrices of 3 by 4 or 4 by 3, transform points. If `perspective` is `true`, the edges of a domain
+    /// of 4 by 4 matrices include a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
         // A matrix of three columns and four rows is the transpose of a matrix of four columns and three rows.

@@ -2,7 +2,7 @@
 
 use super::{Emptiness, Source};
 
-/// A domain of one number or vector. Its values are words.
+/// A domain of numbers, vectors or matrices, whose values are given as words.
 pub(super) trait Words: Send + Sync {
     fn width(&self) -> usize;
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>>;

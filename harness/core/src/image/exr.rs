@@ -2,7 +2,7 @@
 //!
 //! A file may be hostile or damaged: one wrong byte in a header can announce gigabytes. So `header` checks the header
 //! against the file's length and Karat's limits before Karat reserves memory, and `chunks` and `guard` check each chunk
-//! before it is decompressed. The `exr` crate compresses, decompresses and writes.
+//! before it is decompressed. The `exr` crate decompresses the chunks, and compresses and writes new files.
 
 mod block;
 mod chunks;
@@ -154,7 +154,7 @@ impl ExrFile {
         Ok((image, file.parts.swap_remove(0).metadata))
     }
 
-    /// The names of the parts that [`read`](Self::read) would read, without reading their pixels. The part that
+    /// The names of the parts that [`read`](Self::read) would read. The function doesn't decode pixels. The part that
     /// [`Image::read_exr`] would read comes first, and the other parts follow in the file's order.
     ///
     /// ```no_run
@@ -244,8 +244,8 @@ impl ExrFile {
 }
 
 impl Image {
-    /// Reads the first part with colours, or else the first part with greys, as [`ExrFile::read`] does. Also reads the
-    /// metadata of the file's first part. Other parts aren't decoded.
+    /// Reads one part: the first part with colours, or else the first part with greys. [`ExrFile::read`] describes the
+    /// supported channels and formats. Also reads the metadata of the file's first part. Other parts aren't decoded.
     ///
     /// ```no_run
     /// use karat::Image;

@@ -109,7 +109,8 @@ impl ExposureRange {
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
     }
 
-    /// Checks if FLIP can compare images at every stop of the range.
+    /// Checks if the range is within the limits of `flip-rs`: narrower than [`MOST`] stops, with both ends less than
+    /// [`MOST`] stops from 0.
     pub(super) fn is_visible(&self) -> bool {
         let most = MOST as f64;
         self.stop - self.start < most && self.start > -most && self.stop < most

@@ -109,8 +109,8 @@ impl Gate {
     }
 
     /// The largest ratio of a channel's difference to its allowed difference. `None` if a ratio is above 1. If
-    /// `absolute` is `None`, computing the default needs a loop over all pixels of the golden. If every pixel already
-    /// passes by `relative`, the function skips this loop, and the ratio depends only on `relative`.
+    /// `absolute` is `None`, computing its default needs a loop over all pixels of the golden. If `relative` alone
+    /// already allows all differences, the function skips this loop, and the ratio depends only on `relative`.
     ///
     /// ```
     /// use karat::Image;

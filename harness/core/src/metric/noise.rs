@@ -44,7 +44,7 @@ const SIDES: [u32; 3] = [2, 6, 18];
 const SIGNIFICANCE: f64 = 0.01;
 
 /// The factor by which the squared differences may exceed the limit of the chi-square test. The test needs this factor
-/// because its variances are estimates from few samples, which aren't normally distributed.
+/// because its variances are only estimates, from few samples that aren't normally distributed.
 const SCATTER: f64 = 2.0;
 
 /// The brightness that [`Surroundings::weight`] adds to the brightness of the neighbours, as a share of the golden's

@@ -25,8 +25,8 @@ pub struct Cells {
 
 impl Cells {
     /// Divides the support into rows and columns, by the coordinates of pilot samples. There are at most `rows` rows
-    /// with at most `columns` columns each. If samples are equal, there may be up to twice as many rows and columns. If
-    /// the support has only one coordinate, each row has one column.
+    /// with at most `columns` columns each, or up to twice as many if some samples are equal. If the support has only
+    /// one coordinate, each row has one column.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };

@@ -80,8 +80,8 @@ struct Part {
 ///
 /// Karat applies two quadrature rules to each part of a cell, and divides the part if the rules differ by more than the
 /// tolerance. `tolerance` computes a cell's tolerance from the current estimate of the cell's integral. Each division
-/// halves the sides of a part, and divides its tolerance by sqrt(2): along a jump of the function, there are twice as
-/// many parts, and their errors are independent.
+/// halves the sides of a part, and divides its tolerance by sqrt(2). A jump of the function then crosses twice as many
+/// parts, whose errors are independent, so the squares of their tolerances have the same sum as before.
 ///
 /// `evaluate` receives points and returns the function's components at each point, one point after another.
 ///

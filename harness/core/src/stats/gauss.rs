@@ -1,8 +1,8 @@
 //! Gauss-Legendre quadrature.
 
 /// The `count` nodes in 0..1, in ascending order, each with its weight. The weighted sum of a polynomial at the nodes
-/// is its integral, up to the degree `2 count - 1`. The nodes are the roots of a Legendre polynomial, which Newton's
-/// method finds from Tricomi's approximation. Source: Abramowitz and Stegun 25.4.29 and 22.16.6.
+/// is its integral, up to the degree `2 count - 1`. Newton's method computes each node, a root of a Legendre
+/// polynomial, from Tricomi's approximation. Source: Abramowitz and Stegun 25.4.29 and 22.16.6.
 ///
 /// ```
 /// let area: f64 = karat::stats::gauss_legendre(3).iter().map(|(x, weight)| weight * x * x).sum();

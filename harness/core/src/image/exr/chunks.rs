@@ -82,9 +82,8 @@ fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     })
 }
 
-/// The compressed data of a chunk. Fails if the chunk belongs to another part or position than its entry in the table,
-/// or if its length is wrong. A chunk that compression wouldn't make smaller is stored uncompressed, so a chunk is
-/// never longer than its pixels.
+/// The compressed data of a chunk. Fails if the chunk states a wrong part, position or length. A chunk that compression
+/// wouldn't make smaller is stored uncompressed, so a chunk is never longer than its pixels.
 fn found<'a>(
     chunk: &mut Bytes<'a>,
     part: Option<usize>,

@@ -13,8 +13,8 @@ pub(super) struct Selection {
     pub(super) coloured: bool,
 }
 
-/// Selects the channels of one layer. The function prefers layers with colours to layers with greys. Among these, it
-/// prefers the layer without a name, and then the first layer in the file. `None` if no layer has colours or greys.
+/// Selects the channels of one layer: the first layer with colours, or else the first layer with greys. The layer
+/// without a name counts as the first layer of the file. `None` if no layer has colours or greys.
 pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     let layers = || {
         let names = part.channels.iter().map(|channel| split(channel).0);
