@@ -7,8 +7,8 @@ use crate::rules::Half;
 
 /// The representation of numbers while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
-/// The trait is sealed, because the folder `rules` computes each builtin separately in each arithmetic. So you can't
-/// add an arithmetic outside of this crate.
+/// The trait is sealed, so you can't add an arithmetic outside of this crate. In the folder `rules`, each builtin has
+/// separate code for each arithmetic.
 pub trait Arithmetic: Rules {}
 
 /// IEEE single precision, rounded to nearest, as a conforming GPU computes.
@@ -117,8 +117,8 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// Returns the result `y` of an operation. [`Intervals`] first narrows `y` with the function in the first
-        /// argument.
+        /// In [`Intervals`], narrows the result `y` of an operation with the function in the first argument. In the
+        /// other arithmetics, returns `y`.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }

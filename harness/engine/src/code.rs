@@ -240,7 +240,7 @@ pub struct Site {
     pub number: usize,
     /// The function in which the author wrote the operation.
     pub function: String,
-    /// The expression in that function, if the operation comes from one.
+    /// The expression from which Karat lowered the operation, if there is one.
     pub expression: Option<naga::Handle<naga::Expression>>,
     /// The name of the let-binding, if the operation comes from one.
     pub name: Option<String>,
