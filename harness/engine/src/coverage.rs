@@ -51,7 +51,7 @@ pub enum StatementKind {
     Clause(usize),
     /// A loop. Lanes can go three ways: they leave the loop in the first, in the second, or in a later iteration.
     Loop,
-    /// The condition of a `for` or `while`. The [`Loop`](Self::Loop) counts the lanes that leave at this condition.
+    /// The condition of a `for` or `while`. The lanes that leave are counted at the [`Loop`](Self::Loop).
     Exit,
 }
 

@@ -424,9 +424,9 @@ enum End {
 /// Widens a range of exact results by their errors.
 ///
 /// An ulp doubles at a power of two. So the lowest result, including errors, may belong to a number just above a power
-/// of two, instead of to `least`. In a negative range, the same holds for the highest result and `most`. At that number,
-/// an error such as `(3 + 2 |x|)` ulps may also have a slightly larger factor. `ELSEWHERE` covers this change of the
-/// factor, which is less than 2^-20.
+/// of two, instead of to `least`. In a negative range, the same holds for the highest result and `most`. For an error
+/// such as `3 + 2 |x|` ulps, the factor may be slightly larger at the power of two than at the end of the range.
+/// `ELSEWHERE` covers this change of the factor, which is less than 2^-20.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);

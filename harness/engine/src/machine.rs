@@ -114,8 +114,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     numbered: u32,
     pub(crate) turn: usize,
     pub(crate) done: Vec<Done>,
-    /// The number of times that each atomic ran with the same words, since the machine last changed a word. The key is a
-    /// hash of the atomic and its words.
+    /// The number of times that each atomic ran with the same words since the machine last changed a word. The key is
+    /// a hash of the atomic and its words.
     seen: HashMap<u64, u32>,
     /// `true` if the machine waits: it runs a loop until another invocation changes the word that the loop reads.
     pub(crate) waits: bool,

@@ -41,8 +41,8 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Copies a lane's variables from the registers. If the state already has values for this lane, joins the old and the
-    /// new values.
+    /// Copies a lane's variables from the registers. If the state already has values for this lane, joins the old and
+    /// the new values.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
