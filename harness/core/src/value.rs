@@ -65,7 +65,8 @@ impl Scalar {
         }
     }
 
-    /// Checks if Karat compares lanes of this type with a tolerance. Lanes of integers and booleans must be equal.
+    /// Checks if the type is a float. Karat compares floats with a tolerance. Lanes of integers and booleans must be
+    /// equal.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;

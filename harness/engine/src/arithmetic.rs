@@ -523,8 +523,8 @@ impl Rules for Intervals {
     }
     fn filtered(_: f64, hull: (f32, f32)) -> Interval {
         /// The largest error of a filter's result, relative to the largest texel. A filter adds at most 16 texels
-        /// (eight of each of two levels). The weight of a texel is a product of four numbers. The filter rounds 20
-        /// times. Each rounding has an error of less than 2^-23 of the largest texel.
+        /// (eight of each of two levels). The weight of a texel is a product of four numbers. So each texel's part of
+        /// the result is rounded at most 20 times. Each rounding has an error of less than 2^-23 of the largest texel.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
         // WGSL and WebGPU don't limit the error of a filter. A filter's result is a weighted mean of texels with any
         // weights, so it lies between the least and the greatest texel. But weights are rounded, so their sum may be

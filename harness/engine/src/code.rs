@@ -246,7 +246,7 @@ pub struct Site {
     pub name: Option<String>,
     /// The byte range of the operation in the source.
     pub span: Span,
-    /// `true` if the results are floats of half precision.
+    /// `true` if the operation's results are floats of half precision.
     pub half: bool,
 }
 

@@ -101,8 +101,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     helpers: Vec<bool>,
     /// The detector of races between invocations, if the caller asked for it.
     pub(crate) detector: Option<Box<Detector>>,
-    /// `true` if the machine stops before each atomic, and not only at barriers. `paused` is `true` while it is stopped
-    /// before an atomic.
+    /// `true` if the machine stops before each atomic, and not only at barriers. `paused` is `true` while the machine
+    /// is stopped before an atomic.
     pub(crate) yields: bool,
     paused: bool,
     /// `true` if the machine delays atomic stores: it continues, and the store takes effect later.
