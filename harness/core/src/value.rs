@@ -65,7 +65,8 @@ impl Scalar {
         }
     }
 
-    /// Checks if Karat compares lanes of this type with a tolerance. Lanes of integers and booleans must be equal.
+    /// Checks if the type is a float. Karat compares floats with a tolerance. Lanes of integers and booleans must be
+    /// equal.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -176,8 +177,8 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The scalar type and the number of components (one to four), if the shape is the shape of an attribute or a
-    /// texel: a scalar, a vector, or an array of scalars. Otherwise `None`.
+    /// The scalar type and the number of components (one to four), if an attribute or a texel can have this shape: a
+    /// scalar, a vector, or an array of scalars. Otherwise `None`.
     ///
     /// ```
     /// use karat_core::value::{Scalar, Shareable};

@@ -89,8 +89,8 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// A number whose multiples include all zeros of the function: pi / 2 for a sine or a cosine, pi for a tangent. At
-    /// some multiples of pi / 2, a sine or a cosine is 1 or -1. `None` for all other functions.
+    /// A number whose multiples include all zeros of the function: pi / 2 for a sine or a cosine, pi for a tangent,
+    /// `None` for any other function. At some multiples of pi / 2, a sine or a cosine is 1 or -1.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -396,7 +396,8 @@ fn error(exact: f64, result: f32) -> Error {
 mod tests {
     use super::*;
 
-    /// The accuracy of an adapter that rounds all functions correctly, except one that has an error of `ulps`.
+    /// The accuracy of an adapter that rounds all functions correctly, except the function `wrong`, which has an error
+    /// of `ulps`.
     fn measured(wrong: &str, ulps: f64) -> Accuracy {
         let mut accuracy = Accuracy::new();
         for function in &FUNCTIONS {

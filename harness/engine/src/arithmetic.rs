@@ -7,8 +7,8 @@ use crate::rules::Half;
 
 /// The representation of numbers while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
-/// The trait is sealed, because the folder `rules` computes each builtin separately in each arithmetic. So you can't
-/// add an arithmetic outside of this crate.
+/// The trait is sealed, so you can't add an arithmetic outside of this crate. In the folder `rules`, each builtin has
+/// separate code for each arithmetic.
 pub trait Arithmetic: Rules {}
 
 /// IEEE single precision, rounded to nearest, as a conforming GPU computes.
@@ -117,8 +117,8 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// Returns the result `y` of an operation. [`Intervals`] first narrows `y` with the function in the first
-        /// argument.
+        /// In [`Intervals`], narrows the result `y` of an operation with the function in the first argument. In the
+        /// other arithmetics, returns `y`.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
@@ -523,8 +523,8 @@ impl Rules for Intervals {
     }
     fn filtered(_: f64, hull: (f32, f32)) -> Interval {
         /// The largest error of a filter's result, relative to the largest texel. A filter adds at most 16 texels
-        /// (eight of each of two levels). The weight of a texel is a product of four numbers. The filter rounds 20
-        /// times. Each rounding has an error of less than 2^-23 of the largest texel.
+        /// (eight of each of two levels). The weight of a texel is a product of four numbers. So each texel's part of
+        /// the result is rounded at most 20 times. Each rounding has an error of less than 2^-23 of the largest texel.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
         // WGSL and WebGPU don't limit the error of a filter. A filter's result is a weighted mean of texels with any
         // weights, so it lies between the least and the greatest texel. But weights are rounded, so their sum may be

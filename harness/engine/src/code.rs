@@ -240,13 +240,13 @@ pub struct Site {
     pub number: usize,
     /// The function in which the author wrote the operation.
     pub function: String,
-    /// The expression in that function, if the operation comes from one.
+    /// The expression from which Karat lowered the operation, if there is one.
     pub expression: Option<naga::Handle<naga::Expression>>,
     /// The name of the let-binding, if the operation comes from one.
     pub name: Option<String>,
     /// The byte range of the operation in the source.
     pub span: Span,
-    /// `true` if the results are floats of half precision.
+    /// `true` if the operation's results are floats of half precision.
     pub half: bool,
 }
 

@@ -30,7 +30,7 @@ pub struct Statement {
     /// `true` if a test can see an effect of the statement: a changed result, changed memory, a loop that doesn't end,
     /// or a finding of the sanitizer.
     pub needed: bool,
-    /// The index of the statement's first operation, and the index after its last operation.
+    /// The index of the statement's first operation. `end` is the index after its last operation.
     pub(crate) start: u32,
     pub(crate) end: u32,
 }
@@ -51,7 +51,7 @@ pub enum StatementKind {
     Clause(usize),
     /// A loop. Lanes can go three ways: they leave the loop in the first, in the second, or in a later iteration.
     Loop,
-    /// The condition of a `for` or `while`. Its ways aren't counted here, but at the [`Loop`](Self::Loop).
+    /// The condition of a `for` or `while`. The lanes that leave are counted at the [`Loop`](Self::Loop).
     Exit,
 }
 

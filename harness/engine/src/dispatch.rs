@@ -230,7 +230,8 @@ pub struct Turn {
     pub behind: Option<Site>,
 }
 
-/// A request to look for races during a run: in which workgroups, and in which order of the atomics.
+/// A request to look for races during a run. `groups` lists the workgroups to run, and `explorer` chooses the order of
+/// the atomics.
 pub(crate) struct Watch<'w> {
     groups: Option<&'w [usize]>,
     explorer: Option<&'w mut Explorer>,
@@ -279,8 +280,8 @@ impl Order {
     }
 }
 
-/// The least number of workgroups that take turns, each in its own [`Room`]. Small workgroups run in larger numbers,
-/// with up to `ROOMY` invocations together.
+/// The least number of workgroups that take turns, each in its own [`Room`]. If workgroups are small, more of them take
+/// turns, until they have `ROOMY` invocations in total.
 const LEAST_ROOMS: usize = 4;
 const ROOMY: usize = 4096;
 
@@ -301,8 +302,8 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
-/// After this number of successive turns in which units only wait, Karat assumes that they wait forever. The limit for
-/// units of several invocations is `WAITS_TOGETHER`, because these may also wait for each other.
+/// After this number of successive turns in which units only wait, Karat assumes that they wait forever. For units of
+/// several invocations, the limit is `WAITS_TOGETHER`, because the invocations of a unit may wait for each other.
 const WAITS: usize = 1 << 14;
 const WAITS_TOGETHER: usize = 1 << 10;
 

@@ -18,7 +18,8 @@ use crate::schedule::{Actor, Turns};
 /// bytes.
 pub(crate) type Word = (u32, u32, u32);
 
-/// The kind of an atomic access. Two accesses of one word commute if both have the same kind, except `Changes`.
+/// The kind of an atomic access. Two accesses of one word commute if they have the same kind. Accesses of the kind
+/// `Changes` never commute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
@@ -63,7 +64,8 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// The step of an actor before an atomic. Only the explorer uses `touches`, so it may be empty in other runs.
+    /// The step of an actor whose next turn begins with an atomic. Only the explorer uses `touches`, so it may be empty
+    /// in other runs.
     pub(crate) fn atomic(touches: Vec<(Word, Access)>) -> Self {
         Self { atomic: true, touches }
     }

@@ -157,8 +157,8 @@ impl Interval {
         Self { lo: low, hi: high, ..Self::UNBOUNDED }.flushed()
     }
 
-    /// The interval from `lo` to `hi` of a remainder such as `x - floor(x)`, widened because an implementation may add
-    /// the terms of `self` in any order.
+    /// Widens the bounds `lo` and `hi` of a remainder such as `x - floor(x)`, because an implementation may add the
+    /// terms of `x` (`self`) in any order.
     pub(crate) fn with_slack(self, lo: f64, hi: f64) -> Self {
         let slack = self.chained().map_or(0.0, |(ends, chain)| chain.slack(ends));
         Self::outwards(lo - slack, hi + slack)
@@ -399,7 +399,8 @@ impl Interval {
     }
 }
 
-/// The least divisor, 2^-126, and the greatest, 2^126, for which the specification limits the error of a division.
+/// The least divisor for which the specification limits the error of a division: 2^-126. The greatest such divisor is
+/// 2^126.
 const LEAST_DIVISOR: f64 = f32::MIN_POSITIVE as f64;
 const GREATEST_DIVISOR: f64 = 1.0 / LEAST_DIVISOR;
 
@@ -423,9 +424,9 @@ enum End {
 /// Widens a range of exact results by their errors.
 ///
 /// An ulp doubles at a power of two. So the lowest result, including errors, may belong to a number just above a power
-/// of two, instead of to `least`. In a negative range, the same holds for the highest result and `most`. `ELSEWHERE`
-/// covers the parts of an error that aren't ulps, because these change by less than 2^-20 between `least` and the power
-/// of two.
+/// of two, instead of to `least`. In a negative range, the same holds for the highest result and `most`. For an error
+/// such as `3 + 2 |x|` ulps, the factor may be slightly larger at the power of two than at the end of the range.
+/// `ELSEWHERE` covers this change of the factor, which is less than 2^-20.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);
@@ -444,7 +445,7 @@ fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64)
     (below, above)
 }
 
-/// The smallest power of two that is at least as large as `x` and as 2^-126.
+/// The smallest power of two that is at least `x`, and at least 2^-126.
 fn power_above(x: f64) -> f64 {
     // The exponent without the fraction.
     let floor = f64::from_bits(x.to_bits() & 0x7FF << 52).max(f64::from(f32::MIN_POSITIVE));

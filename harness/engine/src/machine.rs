@@ -76,7 +76,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) work: u64,
     /// The number of loop iterations that the machine has run, to decide when it reads the clock.
     rounds: u64,
-    /// For each lane, the number of iterations that may still leave the exit of a loop undecided.
+    /// For each lane, the number of further iterations for which the exit of a loop may stay undecided.
     undecided: Vec<u64>,
     /// For each lane, the site at which the lane's results became unbounded: a loop whose exit stayed undecided, or an
     /// operation whose index was outside of its array.
@@ -101,11 +101,11 @@ pub(crate) struct Machine<'p, A: Rules> {
     helpers: Vec<bool>,
     /// The detector of races between invocations, if the caller asked for it.
     pub(crate) detector: Option<Box<Detector>>,
-    /// `true` if the machine stops before each atomic, and not only at barriers. `paused` is `true` while it is stopped
-    /// before an atomic.
+    /// `true` if the machine stops before each atomic, and not only at barriers. `paused` is `true` while the machine
+    /// is stopped before an atomic.
     pub(crate) yields: bool,
     paused: bool,
-    /// `true` if the machine continues after an atomic store before the store takes effect.
+    /// `true` if the machine delays atomic stores: it continues, and the store takes effect later.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
     /// The newly delayed stores, by number. `dispatch` empties this list. `numbered` counts all stores that were
@@ -114,8 +114,8 @@ pub(crate) struct Machine<'p, A: Rules> {
     numbered: u32,
     pub(crate) turn: usize,
     pub(crate) done: Vec<Done>,
-    /// For each atomic read since a word last changed: a hash of the read and its results, and the number of
-    /// repetitions.
+    /// The number of times that each atomic ran with the same words since the machine last changed a word. The key is
+    /// a hash of the atomic and its words.
     seen: HashMap<u64, u32>,
     /// `true` if the machine waits: it runs a loop until another invocation changes the word that the loop reads.
     pub(crate) waits: bool,

@@ -14,9 +14,9 @@ pub struct Lanes<'a, A: Arithmetic> {
     pub site: &'a Site,
     /// The case of the first lane.
     pub case: usize,
-    /// The operation's floats: for each float, a slice with one value for each lane.
+    /// The floats among the operation's results: for each float, a slice with one value for each lane.
     pub floats: &'a [&'a [A::Float]],
-    /// The floats from which the operation computed its floats. Empty for let-bindings, texels and conversions.
+    /// The floats from which the operation computed its results. Empty for let-bindings, texels and conversions.
     pub operands: &'a [&'a [A::Float]],
     /// The operation's integers.
     pub ints: &'a [&'a [A::Int]],

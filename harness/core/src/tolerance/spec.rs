@@ -10,8 +10,8 @@ use crate::value::Scalar;
 const NEED: f64 = 1.0 / 1024.0;
 
 /// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. An `f16` has a relative
-/// precision of 2^-10. A range of this width leaves five of an `f16`'s ten bits. The range of a single division is
-/// narrower.
+/// precision of 2^-10. A range of this width leaves five of an `f16`'s ten bits. WGSL's range for a single division is
+/// narrower than this limit.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
@@ -73,8 +73,8 @@ impl Spec {
 /// thousands of times more precise, for all arguments. Karat measures each builtin function once on an adapter, and
 /// allows twice the largest error. Karat stores the results in cargo's home, by adapter and driver.
 ///
-/// A test that passes with `DeviceSpec` shows nothing about other adapters. Use it to test your shader's own rounding.
-/// Use [`Spec`] for a test that should pass everywhere.
+/// A test that passes with `DeviceSpec` shows nothing about other adapters. Use `DeviceSpec` to test your shader's own
+/// rounding. Use [`Spec`] for a test that should pass everywhere.
 ///
 /// ```no_run
 /// # use karat::prelude::*;

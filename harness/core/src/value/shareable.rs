@@ -30,7 +30,7 @@ use super::{Mirror, Scalar, Shape};
             such as `glam-029`"
 )]
 pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
-    /// The same value in `f64`, for references.
+    /// The `f64` twin of this type, which references receive.
     type Mirror: Mirror;
 
     /// The WGSL type.
@@ -404,7 +404,7 @@ macro_rules! shareable {
         }
 
         impl Default for $name {
-            /// All zeros, like a variable of a shader without an initial value.
+            /// All zeros, as in a WGSL variable that has no initial value.
             fn default() -> Self {
                 let shape = <Self as $crate::value::Shareable>::shape();
                 let zeros = vec![0; shape.lanes().len()];

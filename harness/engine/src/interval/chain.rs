@@ -4,8 +4,9 @@
 //! the answer is the same if computed exactly." Its examples are sums with differences, and products with quotients.
 //! "However, the result may not be the same when computed in floating point. The reassociated result may be inaccurate
 //! due to approximation, or may trigger an overflow or NaN when computing intermediate results. An implementation may
-//! reassociate operations." WGSL adds no condition: only fusing must be at least as accurate. None of the examples
-//! distributes a product over a sum, so the bounds don't include distributed products.
+//! reassociate operations." WGSL adds no condition for reassociation. Only a fused expression must be at least as
+//! accurate as the original expression. None of the examples distributes a product over a sum, so the bounds don't
+//! include distributed products.
 //!
 //! So Karat bounds the results of all orders. For this, a value remembers the terms or factors from which it was
 //! computed, also across let-bindings, variables and calls. For three terms, Karat computes each order. For more terms,
@@ -203,7 +204,7 @@ const LEAST_STEP: i16 = -149;
 struct Format {
     digits: i16,
     greatest: f64,
-    /// The exponents of the least subnormal and the least normal number.
+    /// The exponent of the least subnormal number.
     least_step: i16,
     least_normal: i16,
 }

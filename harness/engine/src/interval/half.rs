@@ -6,7 +6,7 @@ use crate::rules::Half;
 
 pub(super) const GREATEST: f64 = 65_504.0;
 
-/// The exponents of the least normal and the least subnormal `f16`.
+/// The exponent of the least normal `f16`. `LEAST_STEP` is the exponent of the least subnormal `f16`.
 pub(super) const LEAST_NORMAL: i16 = -14;
 pub(super) const LEAST_STEP: i16 = -24;
 

@@ -12,7 +12,8 @@ use crate::rules::{Basic, FloatRule, FromInt, Geometry, Half, Integer, ToInt};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// Emits a rule with one result. If `half` is set, the result is rounded to half precision.
+    /// Appends an operation with one result, which `rule` computes. If `half` is set, the result is rounded to half
+    /// precision.
     pub(super) fn float_op(&mut self, rule: FloatRule, ins: &[Reg], half: bool) -> Lowered<Reg> {
         Ok(self.float_ops(rule, ins, half)?[0])
     }

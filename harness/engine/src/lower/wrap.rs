@@ -1,5 +1,5 @@
-//! Finds indices that are computed from sums and products, and differences that become floats. Such indices and
-//! differences may wrap around at 32 bits.
+//! Finds integers that may wrap around at 32 bits: differences that become floats, and indices that are computed from
+//! sums and products.
 
 use super::memory::Index;
 use super::{Lower, Lowered};
@@ -44,7 +44,7 @@ impl<'m> Lower<'m> {
         self.computed.insert(out, Computed { rule, ins });
     }
 
-    /// Appends the operation that reports an index that has wrapped, if the index may wrap.
+    /// If an index may wrap around, appends the operation that reports it.
     pub(super) fn tell_wrapped(&mut self, buffer: Option<u32>, index: &Index) -> Lowered<()> {
         let mut terms = Vec::new();
         let mut ins = vec![index.register];
@@ -58,7 +58,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Appends the operation that reports an unsigned difference below 0, such as `f32(a - b)` with `a < b`.
+    /// Appends the operation that reports an unsigned difference that wraps around, such as `f32(a - b)` with `a < b`.
     pub(super) fn tell_below(&mut self, register: Reg) -> Lowered<()> {
         let (mut terms, mut ins) = (Vec::new(), vec![register]);
         self.terms(register, &mut terms, &mut ins);

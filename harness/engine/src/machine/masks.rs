@@ -4,7 +4,7 @@
 //! have left the construct by a jump. At the end of the construct, the mask is again the mask at the entry, without the
 //! lanes that have left.
 //!
-//! `worlds` does the same for arithmetics with undecided conditions.
+//! For arithmetics with undecided conditions, the module `worlds` has the masks.
 
 use crate::arithmetic::sealed::Rules;
 
@@ -97,7 +97,7 @@ impl<A: Rules> Masks<A> {
         self.frames.push(frame);
     }
 
-    /// Opens a `switch` or a call. Like the similar functions below, returns `true` if a lane is active afterwards.
+    /// Opens a `switch` or a call. Returns `true` if a lane is active afterwards.
     pub(crate) fn enter(&mut self) -> bool {
         self.push(Kind::Branch);
         self.any

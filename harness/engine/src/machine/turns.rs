@@ -128,7 +128,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Checks if the machine is before an access to a word that one of its own pending stores will change.
+    /// Checks if the machine's next operation accesses a word that one of its own pending stores will change.
     pub(crate) fn is_blocked(&self, memory: &Memory<'_, A>) -> bool {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return false };
@@ -169,8 +169,8 @@ impl<A: Rules> Machine<'_, A> {
         (slot, if own { group + 1 } else { 0 }, at as u32)
     }
 
-    /// Delays the stores of an atomic operation. Returns `false` without a delay if the operation isn't a store, or if
-    /// the schedule lets stores take effect at once.
+    /// Delays the stores of an atomic operation. If the operation isn't a store, or if the schedule lets stores take
+    /// effect at once, delays nothing and returns `false`.
     pub(super) fn postpones(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         let (true, Some(function)) = (self.relaxes, self.code.stored(op)) else { return false };
         let Some(walk) = self.code.walk_of(op) else { return false };

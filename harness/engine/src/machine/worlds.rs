@@ -8,9 +8,9 @@
 //! simply overwrites a variable. If a `break` depends on an undecided condition, one world leaves the loop, and the
 //! other world stays.
 //!
-//! If a world jumps out of a construct while another world of its lane still has to run there, the world that jumped
-//! waits at the jump's target, with its variables in `waiting`. If the lane has no other world there, the variables
-//! stay in the registers.
+//! If a world jumps out of a construct, another world of the same lane may still have to run there. Then the world that
+//! jumped waits at the jump's target, with its variables in `waiting`. If the lane has no other world there, the
+//! variables stay in the registers.
 
 use crate::arithmetic::sealed::Rules;
 use crate::code::Code;
@@ -41,7 +41,8 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Copies a lane's variables from the registers. If the state already has variables for this lane, joins both.
+    /// Copies a lane's variables from the registers. If the state already has values for this lane, joins the old and
+    /// the new values.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
