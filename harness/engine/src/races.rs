@@ -66,7 +66,7 @@ pub struct Access {
     pub texel: Option<[u32; 4]>,
 }
 
-/// Two accesses to one element that nothing orders.
+/// Two unordered accesses to one element.
 #[derive(Clone, Debug)]
 pub struct Race {
     /// The name of the variable in the module.
@@ -156,8 +156,8 @@ pub struct Outside {
     pub writes: bool,
     /// The kind of object that the indices are outside of.
     pub bounds: Bounds,
-    /// The texture, or the buffer or workgroup variable that contains the array. `None` for a variable of the
-    /// invocation.
+    /// The texture, or the buffer or workgroup variable that contains the array. `None` for a function variable or
+    /// a private variable.
     pub variable: Option<String>,
     /// `true` if the array is inside another array or a structure.
     pub nested: bool,
@@ -343,7 +343,7 @@ type Key = (u32, bool, (u32, u32), bool);
 #[derive(Debug)]
 pub(crate) struct Detector {
     width: u32,
-    /// The first invocation of each workgroup that has run. Some workgroups may not run.
+    /// The first invocation of each workgroup that has run. The caller can exclude workgroups.
     starts: Vec<usize>,
     /// The number of the current workgroup's first invocation, counting only the invocations of workgroups that run.
     first: u32,
@@ -465,9 +465,9 @@ impl Detector {
         self.base = base as u32;
     }
 
-    /// Notes that all invocations of the workgroup have reached a barrier or ended, and continue. Each unit runs
-    /// `lanes` invocations side by side. `held` has the first invocation of each waiting unit, with the site of its
-    /// barrier.
+    /// Notes that the invocations that wait at barriers continue, because all other invocations of the workgroup have
+    /// ended. A unit is a group of `lanes` invocations that run side by side. `held` has the first invocation of each waiting unit,
+    /// with the site of its barrier.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));

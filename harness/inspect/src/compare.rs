@@ -125,7 +125,7 @@ pub struct Compared {
 #[serde(tag = "change", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Change {
-    /// Neither the function nor code that it uses changed, except for comments and blanks.
+    /// Neither the function nor code that it uses changed, except for comments and whitespace.
     Untouched,
     /// The edit changed the function's code, but all results have the same bits.
     Same {
@@ -220,7 +220,8 @@ impl Compared {
 }
 
 impl Request {
-    /// Compares a package with its edited version, on the path `cpu` unless [`paths`](Self::paths) sets others.
+    /// Makes a comparison of a package with its edited version. It runs on the path `cpu`, unless [`paths`](Self::paths)
+    /// sets other paths.
     pub fn new(before: Package, after: Package) -> Self {
         let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
         Self { before, after, only, cases: CASES, paths, overrides }
@@ -1493,8 +1494,8 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
-    /// Nested loops may exceed the work budget of a function. Karat then runs evenly selected inputs, and counts the
-    /// other inputs.
+    /// Nested loops may exceed the work budget of a function. Karat then runs only some of the inputs, and
+    /// reports the number of the other inputs.
     #[test]
     fn the_work_of_a_function_is_bounded() {
         let text = |rounds: &str, step: &str| {
@@ -1605,7 +1606,7 @@ mod tests {
         }
     }
 
-    /// Karat compares code under a condition with the fewest features that include the code.
+    /// If a condition excludes edited code, Karat turns on the fewest features that include the code.
     #[test]
     fn edits_under_a_condition_are_compared_with_its_features_set() {
         let text = "@if(A) fn f(x: f32) -> f32 { return x; }

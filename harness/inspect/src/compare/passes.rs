@@ -615,7 +615,7 @@ mod tests {
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// The comparison reports a removed barrier whose effect shows only in another order. Atomics don't race, so the
+    /// The comparison reports a removed barrier, although results change only in orders other than the usual one. Atomics don't race, so the
     /// sanitizer reports no violation. In the engine's usual order, invocations run in lockstep, so the counts are
     /// right even without the barrier.
     #[test]
@@ -639,8 +639,8 @@ mod tests {
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// The host sets `width` and `mode`. The name `mode` doesn't suggest the value 77, so no invocation takes the
-    /// branch.
+    /// The comparison lists edited lines that no invocation reaches. No generated `mode` is 77, so no invocation takes
+    /// the branch for 77.
     #[test]
     fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }
