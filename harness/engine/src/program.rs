@@ -33,8 +33,8 @@ const MANY: usize = 16_384;
 /// registers, a thread needs 32 MiB for floats, or 64 MiB if there are at least [`MANY`] cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
-/// The number of lanes is a multiple of this constant: with fewer than [`LANES`] cases, there are as many lanes as cases,
-/// rounded up to a multiple. 16 lanes are two AVX vectors.
+/// The number of lanes is a multiple of this constant: with fewer than [`LANES`] cases, there are as many lanes as
+/// cases, rounded up to a multiple. 16 lanes are two AVX vectors.
 const STEP: usize = 16;
 
 /// A lowered function or entry point.

@@ -156,8 +156,8 @@ pub struct Outside {
     pub writes: bool,
     /// The kind of object that the indices are outside of.
     pub bounds: Bounds,
-    /// The texture, or the buffer or workgroup variable that contains the array. `None` for a function variable or
-    /// a private variable.
+    /// The texture, or the buffer or workgroup variable that contains the array. `None` for a function variable or a
+    /// private variable.
     pub variable: Option<String>,
     /// `true` if the array is inside another array or a structure.
     pub nested: bool,
@@ -465,9 +465,9 @@ impl Detector {
         self.base = base as u32;
     }
 
-    /// Notes that the invocations that wait at barriers continue, because all other invocations of the workgroup have
-    /// ended. A unit is a group of `lanes` invocations that run side by side. `held` has the first invocation of each waiting unit,
-    /// with the site of its barrier.
+    /// Notes that the invocations that wait at barriers continue. No other invocation of the workgroup is still
+    /// running. A unit is a group of `lanes` invocations that run side by side. `held` has the first invocation of each
+    /// waiting unit, with the site of its barrier.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));

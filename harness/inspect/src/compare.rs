@@ -220,8 +220,8 @@ impl Compared {
 }
 
 impl Request {
-    /// Makes a comparison of a package with its edited version. It runs on the path `cpu`, unless [`paths`](Self::paths)
-    /// sets other paths.
+    /// Makes a comparison of a package with its edited version. It runs on the path `cpu`, unless
+    /// [`paths`](Self::paths) sets other paths.
     pub fn new(before: Package, after: Package) -> Self {
         let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
         Self { before, after, only, cases: CASES, paths, overrides }
@@ -1494,8 +1494,8 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
-    /// Nested loops may exceed the work budget of a function. Karat then runs only some of the inputs, and
-    /// reports the number of the other inputs.
+    /// Nested loops may exceed the work budget of a function. Karat then runs only some of the inputs, and reports the
+    /// number of the other inputs.
     #[test]
     fn the_work_of_a_function_is_bounded() {
         let text = |rounds: &str, step: &str| {

@@ -173,8 +173,8 @@ to_int_rules! {
 
 from_int_rules! {
     FromInt {
-        /// The nearest float. In `f64` arithmetic, the result is exact. In interval arithmetic, the result begins
-        /// and ends at the floats next to the integer, or at the integer itself if it is a float.
+        /// The nearest float. In `f64` arithmetic, the result is exact. In interval arithmetic, the result begins and
+        /// ends at the floats next to the integer, or at the integer itself if it is a float.
         Signed[1] {
             single: |x: u32| [x.cast_signed() as f32],
             double: |x: u32| [f64::from(x.cast_signed())],

@@ -94,7 +94,7 @@ fn helper_invocations_cannot_race() {
     }
 }
 
-/// The engine refuses vertex entry points, and fragment entry points with `@location` inputs or `front_facing`.
+/// The engine refuses vertex entry points, and fragment entry points with inputs other than the position.
 #[test]
 fn other_inputs_of_a_draw_are_refused() {
     for input in ["@location(0) x: f32", "@builtin(front_facing) front: bool"] {

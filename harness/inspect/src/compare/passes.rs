@@ -615,9 +615,9 @@ mod tests {
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// The comparison reports a removed barrier, although results change only in orders other than the usual one. Atomics don't race, so the
-    /// sanitizer reports no violation. In the engine's usual order, invocations run in lockstep, so the counts are
-    /// right even without the barrier.
+    /// The comparison reports a removed barrier, although results change only in orders other than the usual one.
+    /// Atomics don't race, so the sanitizer reports no violation. In the engine's usual order, invocations run in
+    /// lockstep, so the counts are right even without the barrier.
     #[test]
     fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {
