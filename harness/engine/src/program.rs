@@ -136,7 +136,7 @@ impl Program {
         all.map(|one| &self.code.sites[one.site as usize])
     }
 
-    /// The site of the operation because of which `interval`, a result of this program, is unbounded.
+    /// The site of the operation that caused `interval`, an unbounded result of this program.
     #[must_use]
     pub fn cause(&self, interval: crate::Interval) -> Option<&Site> {
         self.code.sites.get(interval.cause()? as usize)

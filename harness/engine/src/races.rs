@@ -9,8 +9,8 @@
 //! The engine runs invocations in lockstep, so a race doesn't change the results. The detector therefore stores, for
 //! each element, the accesses with which a later access could race:
 //!
-//! - the last write, and the last write by a different invocation. So for each access, the detector has a write by
-//!   another invocation, if there was one;
+//! - the last write, and the last write by any other invocation. So whichever invocation makes the later access, the
+//!   detector has a write by another invocation, if there was one;
 //! - the last write by an earlier workgroup;
 //! - the last write of a value that differs from the last written value, to distinguish equal writes from unequal
 //!   writes;
@@ -30,7 +30,7 @@ use crate::refusal::Stop;
 const PAGE: usize = 1024;
 
 /// The largest number of elements whose accesses the detector stores. Each element needs 116 bytes, so all need 116
-/// MiB. The detector only counts the accesses to further elements.
+/// MiB. If there are more elements, the detector only counts the accesses to them.
 const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
@@ -238,7 +238,8 @@ impl Atomics {
     }
 
     /// An upper bound of the number of orders in which the atomics can run, as a binary logarithm. Equivalent orders
-    /// count as one order. The bound multiplies the orders of all words, as if words were independent.
+    /// count as one order. The bound is the product of the numbers of orders for each word, as if words were
+    /// independent.
     #[must_use]
     pub fn most_orders(&self) -> f64 {
         let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;

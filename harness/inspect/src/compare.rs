@@ -1669,8 +1669,8 @@ mod tests {
         assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
     }
 
-    /// The comparison matches the inputs of entry points by their attributes, and reports each changed part of the
-    /// interface with the host.
+    /// The comparison matches the inputs of entry points by their attributes, and reports each change of the interface
+    /// between shader and host.
     #[test]
     fn entry_points_are_compared_by_their_attributes() {
         let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
@@ -1812,7 +1812,7 @@ mod tests {
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// If one module can't be read, other modules still have verdicts.
+    /// If one module can't be read, the functions of other modules are still compared.
     #[test]
     fn a_broken_module_is_reported_and_the_others_are_compared() {
         let package =
@@ -2080,7 +2080,7 @@ mod tests {
         );
     }
 
-    /// Karat shows a case with finite numbers, and only the inputs that affect the change.
+    /// Karat shows a change by a case with finite numbers, and leaves out inputs that don't affect the change.
     #[test]
     fn a_change_is_shown_with_plain_numbers_and_relevant_inputs() {
         let text = "struct P { scale: f32, unused: f32 }

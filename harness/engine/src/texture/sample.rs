@@ -174,7 +174,7 @@ impl Texture {
         true
     }
 
-    /// The texels of a level, stored for samples that read four texels. For a cube, the plane includes the texels
+    /// The texels of a level, from which samples of four texels are computed. For a cube, the plane includes the texels
     /// beyond the edges of its faces. `None` if the texels aren't floats.
     #[inline]
     fn plane(&self, level: u32) -> Option<Plane<'_>> {

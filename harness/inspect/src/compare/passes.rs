@@ -776,7 +776,7 @@ mod tests {
         }
     }
 
-    /// The dispatch has one workgroup for each row of the texture.
+    /// The comparison finds an edit that changes only the last row of a texture. Each workgroup writes one row.
     #[test]
     fn the_last_row_of_a_texture_is_compared() {
         let text = |guard: &str| {
