@@ -30,7 +30,7 @@ use crate::refusal::Stop;
 const PAGE: usize = 1024;
 
 /// The largest number of elements whose accesses the detector stores. Each element needs 116 bytes, so all need 116
-/// MiB. If there are more elements, the detector only counts the accesses to them.
+/// MiB. For all other elements, the detector only counts the accesses.
 const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
