@@ -25,7 +25,7 @@ use crate::scalar::{File, Scalar};
 /// first-level cache.
 const LANES: usize = 256;
 
-/// The smallest number of cases for which the engine runs twice as many cases together. It then decodes operations less
+/// The smallest number of cases for which a register has `2 * LANES` lanes. The engine then decodes operations less
 /// often, and all cores are still busy.
 const MANY: usize = 16_384;
 
@@ -33,8 +33,8 @@ const MANY: usize = 16_384;
 /// registers, a thread needs 32 MiB for floats, or 64 MiB if there are at least [`MANY`] cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
-/// The number of lanes is a multiple of this number. For fewer than [`LANES`] cases, it is the number of cases, rounded
-/// up to a multiple. 16 lanes are two AVX vectors.
+/// The number of lanes is a multiple of this constant: with fewer than [`LANES`] cases, there are as many lanes as
+/// cases, rounded up to a multiple. 16 lanes are two AVX vectors.
 const STEP: usize = 16;
 
 /// A lowered function or entry point.
@@ -136,7 +136,7 @@ impl Program {
         all.map(|one| &self.code.sites[one.site as usize])
     }
 
-    /// The site of the operation that made `interval`, a result of this program, unbounded.
+    /// The site of the operation that caused `interval`, an unbounded result of this program.
     #[must_use]
     pub fn cause(&self, interval: crate::Interval) -> Option<&Site> {
         self.code.sites.get(interval.cause()? as usize)

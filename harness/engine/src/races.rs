@@ -9,8 +9,8 @@
 //! The engine runs invocations in lockstep, so a race doesn't change the results. The detector therefore stores, for
 //! each element, the accesses with which a later access could race:
 //!
-//! - the last write, and the last write by a different invocation. So for each access, the detector has a write by
-//!   another invocation, if there was one;
+//! - the last write, and the last write by any other invocation. So whichever invocation makes the later access, the
+//!   detector has a write by another invocation, if there was one;
 //! - the last write by an earlier workgroup;
 //! - the last write of a value that differs from the last written value, to distinguish equal writes from unequal
 //!   writes;
@@ -30,7 +30,7 @@ use crate::refusal::Stop;
 const PAGE: usize = 1024;
 
 /// The largest number of elements whose accesses the detector stores. Each element needs 116 bytes, so all need 116
-/// MiB. The detector only counts the accesses to further elements.
+/// MiB. For all other elements, the detector only counts the accesses.
 const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
@@ -66,7 +66,7 @@ pub struct Access {
     pub texel: Option<[u32; 4]>,
 }
 
-/// Two accesses to one element that nothing orders.
+/// Two unordered accesses to one element.
 #[derive(Clone, Debug)]
 pub struct Race {
     /// The name of the variable in the module.
@@ -156,8 +156,8 @@ pub struct Outside {
     pub writes: bool,
     /// The kind of object that the indices are outside of.
     pub bounds: Bounds,
-    /// The texture, or the buffer or workgroup variable that contains the array. `None` for a variable of the
-    /// invocation.
+    /// The texture, or the buffer or workgroup variable that contains the array. `None` for a function variable or a
+    /// private variable.
     pub variable: Option<String>,
     /// `true` if the array is inside another array or a structure.
     pub nested: bool,
@@ -238,7 +238,8 @@ impl Atomics {
     }
 
     /// An upper bound of the number of orders in which the atomics can run, as a binary logarithm. Equivalent orders
-    /// count as one order. The bound multiplies the orders of all words, as if words were independent.
+    /// count as one order. The bound is the product of the numbers of orders for each word, as if words were
+    /// independent.
     #[must_use]
     pub fn most_orders(&self) -> f64 {
         let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;
@@ -343,7 +344,7 @@ type Key = (u32, bool, (u32, u32), bool);
 #[derive(Debug)]
 pub(crate) struct Detector {
     width: u32,
-    /// The first invocation of each workgroup that has run. Some workgroups may not run.
+    /// The first invocation of each workgroup that has run. The caller can exclude workgroups.
     starts: Vec<usize>,
     /// The number of the current workgroup's first invocation, counting only the invocations of workgroups that run.
     first: u32,
@@ -465,9 +466,9 @@ impl Detector {
         self.base = base as u32;
     }
 
-    /// Notes that all invocations of the workgroup have reached a barrier or ended, and continue. Each unit runs
-    /// `lanes` invocations side by side. `held` has the first invocation of each waiting unit, with the site of its
-    /// barrier.
+    /// Notes that the invocations that wait at barriers continue. No other invocation of the workgroup is still
+    /// running. A unit is a group of `lanes` invocations that run side by side. `held` has the first invocation of each
+    /// waiting unit, with the site of its barrier.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));

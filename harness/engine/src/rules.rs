@@ -83,8 +83,8 @@ macro_rules! float_rules {
 pub(crate) use float_rules;
 
 /// Defines a family of rules from integers to an integer. The last letter of a rule's name says if the result is signed
-/// (`I`) or unsigned (`U`). A `range` that holds only for signed or only for unsigned arguments assumes that the
-/// arguments have the type of the result.
+/// (`I`) or unsigned (`U`). `range` computes the bounds of the result from the bounds of the arguments. If the sign
+/// matters, `range` assumes that the arguments have the type of the result.
 macro_rules! integer_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal $(= $math:ident)? {

@@ -40,7 +40,7 @@ impl Scalar {
         self == Self::I32
     }
 
-    /// Converts naga's scalar. The error names a scalar that the engine can't execute.
+    /// Converts naga's scalar type. The error names a type that the engine doesn't support.
     pub(crate) fn of(scalar: naga::Scalar) -> Result<Self, String> {
         match (scalar.kind, scalar.width) {
             (ScalarKind::Float, 4) => Ok(Self::F32),
@@ -64,7 +64,7 @@ pub(crate) type Counts = [u32; 3];
 /// The same numbers as [`Counts`], before Karat checks that they are small enough.
 type Wide = Result<[u64; 3], String>;
 
-/// The largest number of scalars in a value or a variable. For 2^14 columns of 256 lanes, a thread needs 16 MiB. WGSL
+/// The largest number of scalars in a value or a variable. For 2^14 scalars of 256 cases, a thread needs 16 MiB. WGSL
 /// limits all variables of a function to 2^11 scalars in total.
 pub(crate) const MOST_SCALARS: u64 = 1 << 14;
 

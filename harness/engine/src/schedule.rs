@@ -37,9 +37,9 @@ pub enum Stores {
     /// Each store takes effect immediately.
     #[default]
     AtOnce,
-    /// Some stores, chosen at random, take effect only when all other actors have ended or wait. The parameter is the
-    /// seed. Still, a store takes effect before the next barrier of its invocation, and before its invocation accesses
-    /// the same word again.
+    /// Some stores, chosen at random, take effect only when all other actors have ended or wait. But each store takes
+    /// effect before the next barrier of its invocation, and before its invocation accesses the same word again. The
+    /// parameter is the seed.
     Late(u64),
 }
 

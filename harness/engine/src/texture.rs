@@ -79,7 +79,7 @@ pub struct Texture {
     framed: OnceLock<Vec<Vec<[f32; 4]>>>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
-    /// `true` if the channels are integers that are read as numbers from -1 to 1.
+    /// `true` if the format is normalised, such as `rgba8unorm` or `rgba8snorm`.
     normalized: bool,
 }
 

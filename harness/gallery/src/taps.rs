@@ -221,8 +221,8 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     text
 }
 
-/// Returns notes for the user: how many pixels compute the value, how often they compute it, and how many pixels have
-/// another colour in the program with which Karat reads the value.
+/// Returns notes for the user: how many pixels compute the value, how often they compute it, and how many pixels change
+/// their colour in the modified shader that Karat runs to read the value.
 fn notes(tapped: &Tapped) -> Vec<String> {
     let all = tapped.told.len();
     let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();

@@ -125,7 +125,7 @@ pub struct Compared {
 #[serde(tag = "change", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Change {
-    /// Neither the function nor code that it uses changed, except for comments and blanks.
+    /// Neither the function nor code that it uses changed, except for comments and whitespace.
     Untouched,
     /// The edit changed the function's code, but all results have the same bits.
     Same {
@@ -220,7 +220,8 @@ impl Compared {
 }
 
 impl Request {
-    /// Compares a package with its edited version, on the path `cpu` unless [`paths`](Self::paths) sets others.
+    /// Makes a comparison of a package with its edited version. It runs on the path `cpu`, unless
+    /// [`paths`](Self::paths) sets other paths.
     pub fn new(before: Package, after: Package) -> Self {
         let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
         Self { before, after, only, cases: CASES, paths, overrides }
@@ -1493,8 +1494,8 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
-    /// Nested loops may exceed the work budget of a function. Karat then runs evenly selected inputs, and counts the
-    /// other inputs.
+    /// Nested loops may exceed the work budget of a function. Karat then runs only some of the inputs, and reports the
+    /// number of the other inputs.
     #[test]
     fn the_work_of_a_function_is_bounded() {
         let text = |rounds: &str, step: &str| {
@@ -1605,7 +1606,7 @@ mod tests {
         }
     }
 
-    /// Karat compares code under a condition with the fewest features that include the code.
+    /// If a condition excludes edited code, Karat turns on the fewest features that include the code.
     #[test]
     fn edits_under_a_condition_are_compared_with_its_features_set() {
         let text = "@if(A) fn f(x: f32) -> f32 { return x; }
@@ -1668,8 +1669,8 @@ mod tests {
         assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
     }
 
-    /// The comparison matches the inputs of entry points by their attributes, and reports each changed part of the
-    /// interface with the host.
+    /// The comparison matches the inputs of entry points by their attributes, and reports each change of the interface
+    /// between shader and host.
     #[test]
     fn entry_points_are_compared_by_their_attributes() {
         let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
@@ -1811,7 +1812,7 @@ mod tests {
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// If one module can't be read, other modules still have verdicts.
+    /// If one module can't be read, the functions of other modules are still compared.
     #[test]
     fn a_broken_module_is_reported_and_the_others_are_compared() {
         let package =
@@ -2079,7 +2080,7 @@ mod tests {
         );
     }
 
-    /// Karat shows a case with finite numbers, and only the inputs that affect the change.
+    /// Karat shows a change by a case with finite numbers, and leaves out inputs that don't affect the change.
     #[test]
     fn a_change_is_shown_with_plain_numbers_and_relevant_inputs() {
         let text = "struct P { scale: f32, unused: f32 }

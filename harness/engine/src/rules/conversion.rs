@@ -173,8 +173,8 @@ to_int_rules! {
 
 from_int_rules! {
     FromInt {
-        /// The nearest float. In `f64` arithmetic, the result is exact. In intervals, the result contains the exact
-        /// number, or both floats next to it.
+        /// The nearest float. In `f64` arithmetic, the result is exact. In interval arithmetic, the result begins and
+        /// ends at the floats next to the integer, or at the integer itself if it is a float.
         Signed[1] {
             single: |x: u32| [x.cast_signed() as f32],
             double: |x: u32| [f64::from(x.cast_signed())],
@@ -324,7 +324,7 @@ fn exponent(x: f64) -> i32 {
     if x == 0.0 || !x.is_finite() { 0 } else { libm::frexp(x).1 }
 }
 
-/// `floor(0.5 + s clamp(x, -1, 1))`, as in the specification. NaN becomes 0.
+/// `floor(0.5 + scale * clamp(x, -1, 1))`, as in the specification. NaN becomes 0.
 fn snorm(x: f64, scale: f64) -> i32 {
     (0.5 + scale * x.clamp(-1.0, 1.0)).floor() as i32
 }

@@ -1,4 +1,4 @@
-//! Rules for vectors and matrices that don't work component by component.
+//! Rules for functions of whole vectors and matrices, such as `dot` and `determinant`.
 //!
 //! Each size of vector or matrix has its own rule, such as `Reflect2` and `Reflect3`. A rule is then a single loop over
 //! all lanes.

@@ -16,7 +16,7 @@ float_rules! {
             double: |[x]| [x.ceil()],
             interval: |[x]| [stepped(x, f64::ceil)],
         }
-        /// Rounds to the nearest integer, and halves to the nearest even integer.
+        /// Rounds to the nearest integer. Ties round to the even integer: 2.5 becomes 2.
         Round[1, 1] = Round {
             single: |[x]| [x.round_ties_even()],
             double: |[x]| [x.round_ties_even()],

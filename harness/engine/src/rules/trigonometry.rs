@@ -68,9 +68,9 @@ float_rules! {
 /// numbers, two floats don't represent pi / 2 exactly enough.
 const MEDIUM: f32 = f32::from_bits(0x4DC9_0FDB);
 
-/// The sine of a number plus `quarters` quarter turns, within 0.51 ulp. Like libm, the function uses the remainder and
-/// the polynomials of FreeBSD's `sinf` and `cosf`. The code has no branches, because branch prediction would fail for
-/// random angles.
+/// The sine of a number plus `quarters` quarter turns, within 0.51 ulp. As in libm, the range reduction and the
+/// polynomials are those of FreeBSD's `sinf` and `cosf`. The code has no branches, because branch prediction would fail
+/// for random angles.
 #[inline(always)]
 fn wave(x: f32, quarters: u64) -> f32 {
     // Adding this number rounds to an integer, which is in the last bits of the sum.

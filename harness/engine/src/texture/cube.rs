@@ -127,7 +127,7 @@ fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
 mod tests {
     use super::*;
 
-    /// The step that `step` computes equals the difference of the positions of two nearby directions.
+    /// `step` agrees with a finite difference: the change of the position between two nearby directions.
     #[test]
     fn a_step_on_a_cube_face_equals_a_finite_difference() {
         let directions = [[0.3, -0.2, 1.5], [0.3, -0.2, -1.5], [2.0, 0.4, 0.1], [-2.0, 0.4, 0.1]];

@@ -174,7 +174,7 @@ impl Texture {
         true
     }
 
-    /// The texels of a level, stored for samples that read four texels. For a cube, the plane includes the texels
+    /// The texels of a level, from which samples of four texels are computed. For a cube, the plane includes the texels
     /// beyond the edges of its faces. `None` if the texels aren't floats.
     #[inline]
     fn plane(&self, level: u32) -> Option<Plane<'_>> {
@@ -342,8 +342,7 @@ impl Texture {
     }
 }
 
-/// The layers of a level, stored so that four neighbouring texels are next to each other. Each layer may have a border:
-/// the texels beyond its edges.
+/// The texels of all layers of a level. The layers of a cube have a border: the texels beyond the edges of each face.
 #[derive(Clone, Copy)]
 struct Plane<'a> {
     texels: &'a [[f32; 4]],
@@ -353,9 +352,9 @@ struct Plane<'a> {
     row: u32,
 }
 
-/// The index of the first of a sample's four texels, counted over all layers, and the distances from the centre of this
-/// texel to the sample, to the right and down. The index is negative if one of the four texels doesn't exist or has no
-/// weight. The code uses only floats, so that one instruction handles several positions.
+/// The first of a sample's four texels. `first` is its index over all layers, or a negative number if one of the four
+/// texels doesn't exist or has no weight. `right` and `down` say how far the sample is from the centre of the first
+/// texel. The code uses only floats, so that one instruction handles several positions.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     first: f64,

@@ -24,7 +24,7 @@ fn resources() -> Resources {
     resources
 }
 
-/// Draws 11 x 5 pixels. Returns the floats and the count that the shader writes.
+/// Draws 11 x 5 pixels. Returns the contents of the buffers `d` and `count`.
 fn drawn(body: &str, options: &Options) -> (Vec<f32>, u32) {
     let mut resources = resources();
     lowered(body).dispatch::<F32>([11, 5, 1], &mut resources, options, &()).expect("it runs");
@@ -94,7 +94,7 @@ fn helper_invocations_cannot_race() {
     }
 }
 
-/// A fragment entry point receives its position, and no other input.
+/// The engine refuses vertex entry points, and fragment entry points with inputs other than the position.
 #[test]
 fn other_inputs_of_a_draw_are_refused() {
     for input in ["@location(0) x: f32", "@builtin(front_facing) front: bool"] {

@@ -189,7 +189,7 @@ fn written_elements_are_listed() {
     assert_eq!(texels, [[Some([7, 0, 0, 1]); 2]]);
 }
 
-/// Booleans and 16-bit floats may be different elements in the same word.
+/// Two booleans or two 16-bit floats in the same word are different elements.
 #[test]
 fn writes_to_different_elements_of_one_word_are_no_race() {
     let text = |body: &str| {

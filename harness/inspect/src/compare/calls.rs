@@ -179,8 +179,8 @@ impl Request {
     }
 }
 
-/// All sets of generated values (contents) for buffers and textures. Some have the ranges that the resources' names
-/// suggest, and some ignore the names.
+/// All sets of generated values (contents) for buffers and textures. In some sets, values are in the ranges that the
+/// resources' names suggest. Other sets ignore the names.
 fn contents() -> impl Iterator<Item = Content> {
     Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
 }

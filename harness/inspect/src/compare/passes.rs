@@ -615,9 +615,9 @@ mod tests {
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// The comparison reports a removed barrier whose effect shows only in another order. Atomics don't race, so the
-    /// sanitizer reports no violation. In the engine's usual order, invocations run in lockstep, so the counts are
-    /// right even without the barrier.
+    /// The comparison reports a removed barrier, although results change only in orders other than the usual one.
+    /// Atomics don't race, so the sanitizer reports no violation. In the engine's usual order, invocations run in
+    /// lockstep, so the counts are right even without the barrier.
     #[test]
     fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {
@@ -639,8 +639,8 @@ mod tests {
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// The host sets `width` and `mode`. The name `mode` doesn't suggest the value 77, so no invocation takes the
-    /// branch.
+    /// The comparison lists edited lines that no invocation reaches. No generated `mode` is 77, so no invocation takes
+    /// the branch for 77.
     #[test]
     fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }
@@ -776,7 +776,7 @@ mod tests {
         }
     }
 
-    /// The dispatch has one workgroup for each row of the texture.
+    /// The comparison finds an edit that changes only the last row of a texture. Each workgroup writes one row.
     #[test]
     fn the_last_row_of_a_texture_is_compared() {
         let text = |guard: &str| {
