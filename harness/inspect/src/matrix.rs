@@ -361,9 +361,8 @@ impl Request {
     }
 
     /// Records in a file which row runs on which path. After a driver hangs or crashes, only a new process can
-    /// continue. The new process first reads the file, and runs each row that was interrupted without other rows. If
-    /// such a row ends the process again, the next process skips it, and its cells give the reason. The function
-    /// [`restarted`] starts these processes.
+    /// continue. The new process first runs each interrupted row alone. If such a row ends the process again, the next
+    /// process skips it, and its cells give the reason. The function [`restarted`] starts these processes.
     #[must_use]
     pub fn journal(self, file: &Path) -> Self {
         Self { journal: Some(file.to_owned()), ..self }

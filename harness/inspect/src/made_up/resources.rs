@@ -734,8 +734,8 @@ impl Noise<'_> {
 
 /// Makes a texture. Its texels are smooth, so that the few bits of a filter's weights hardly matter. With `own`, the
 /// texels differ from other variables' texels, may be transparent, and don't change linearly, so that mip levels
-/// differ. With noise, each texel has a random value that doesn't depend on its neighbours. With a contrast below 1,
-/// texels use only a part of their range.
+/// differ. With noise, neighbouring texels have independent values, except in the squares that [`Noise::of_text`]
+/// selects. With a contrast below 1, texels use only a part of their range.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
