@@ -145,7 +145,8 @@ pub struct Hazard {
     pub accepted: Option<String>,
     /// The other functions in which the same operation goes wrong.
     pub also: Vec<String>,
-    /// The sanitizer's finding in a compute pass, or a derivative that only one of two pixels reaches.
+    /// The details of a sanitizer's finding in a compute pass, or of a derivative that one pixel reaches and its
+    /// neighbour doesn't.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violation: Option<Violation>,
 }
@@ -200,12 +201,12 @@ pub struct Hazards {
 /// The parts of functions that Karat couldn't check.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Unseen {
-    /// The number of inputs that Karat didn't run, because of long loops or too many operations.
+    /// The number of inputs for which Karat didn't run the function, because of long loops or too many operations.
     pub inputs: usize,
     /// The number of functions with such inputs.
     pub functions: usize,
-    /// The number of functions with too many operations to check them all: Karat records at most 4,096 operations in a
-    /// run of 256 inputs.
+    /// The number of functions in which Karat checked only some of the operations: it records at most 4,096 operations
+    /// in a run of 256 inputs.
     pub in_part: usize,
     /// The number of functions that read a private variable with more than 256 numbers. Such a variable keeps its
     /// initial value.
@@ -555,7 +556,7 @@ struct Seen {
     /// For each position of an operation: the number of cases that reached it with good operands. This number may be 0.
     reached: BTreeMap<String, usize>,
     drawn: Drawn,
-    /// The number of inputs that didn't run because their loops were too long.
+    /// The number of inputs for which Karat didn't run the function, because of long loops or too many operations.
     cut: usize,
     in_part: bool,
     /// `true` if the function reads private variables that keep their initial values, because they are too large.

@@ -64,8 +64,8 @@ pub(crate) const SAMPLE: usize = 16;
 /// The largest vertex index that `compare` generates: the last vertex of a box, which has twelve triangles.
 pub(crate) const LAST_VERTEX: f64 = 35.0;
 
-/// The maximum number of operations that a function executes over one content, counted over all cases. So many
-/// operations take one or two seconds on one core.
+/// The maximum number of operations that a function executes over one content in `compare`, counted over all cases. So
+/// many operations take one or two seconds on one core.
 pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 
 /// The maximum number of operations over each further content after one content has shown that the results change. The
@@ -90,8 +90,8 @@ pub(crate) const WHOLE_FEATURES: usize = 5;
 /// The largest number of features for which Karat tests all pairs: 8 features have 28 pairs.
 pub(crate) const PAIRED_FEATURES: usize = 8;
 
-/// If a function's results are the same before and after the edit, the function also runs with this number of other
-/// values of features. Each value costs another full run.
+/// The maximum number of other feature settings with which `compare` runs a function if the edit doesn't change the
+/// function's results. Each setting costs another full run.
 pub(crate) const OTHER_VALUES: usize = 4;
 
 /// The maximum size of a private variable, in scalars. Karat neither sets nor compares larger variables. With more

@@ -3,8 +3,8 @@
 //!
 //! The range of a number is the one that [`Ranges`] declares for its name. Without a declaration, the name may suggest
 //! a range (`n_dot_l`, `NoV`, `worldNormal`, `perceptualRoughness`). Otherwise the type determines the range. The
-//! inputs include both ends of each range, and 0 and 1 if the range contains them. The names of members of structures
-//! and buffers count in the same way.
+//! inputs include both ends of each range, and 0 and 1 if the range contains them. Members of structures and buffers
+//! get their values by the same rules.
 
 #[cfg(test)]
 mod bounds;
@@ -193,9 +193,9 @@ impl Ranges {
             .collect()
     }
 
-    /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The input's
-    /// name determines which number of the text comes first. For integers, the list begins with 0. For `i32`, -1
-    /// follows.
+    /// The numbers of a type in the shader's text, each with the next smaller and the next larger number. The order of
+    /// the numbers depends on the input's name. For integers, 0 comes before the numbers of the text. For `i32`, -1
+    /// follows 0.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {
@@ -484,8 +484,9 @@ impl Arguments {
         (usize::try_from(count).unwrap_or_default(), rows)
     }
 
-    /// At most `cases` rows: three quarters as in [`rows`](Self::rows), and then a quarter from `others`, which ignore
-    /// names. In every second row from `others`, two undeclared inputs of the same type are equal.
+    /// At most `cases` rows: three quarters as in [`rows`](Self::rows), and then a quarter from `others`, the same
+    /// arguments with ranges that don't depend on names. In every second row from `others`, two undeclared inputs of
+    /// the same type are equal.
     pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
         /// One in four rows comes from `others`.
         const SHARE: usize = 4;

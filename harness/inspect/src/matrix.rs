@@ -230,7 +230,7 @@ pub struct Buffer {
 pub struct Row {
     /// The name: `module::name`.
     pub name: String,
-    /// `function`, `vertex`, `fragment` or `compute`. With an error: `not callable` or `module`.
+    /// `function`, `vertex`, `fragment` or `compute`. A row with an error has the kind `not callable` or `module`.
     pub kind: String,
     /// The position in the author's file.
     pub location: String,
@@ -361,9 +361,8 @@ impl Request {
     }
 
     /// Records in a file which row runs on which path. After a driver hangs or crashes, only a new process can
-    /// continue. In the new process, each row that was running then runs without other rows. If such a row ends the
-    /// process again, the next process skips it, and its cells give the reason. [`restarted`] restarts a program in
-    /// this way.
+    /// continue. The new process first runs each interrupted row alone. If such a row ends the process again, the next
+    /// process skips it, and its cells give the reason. The function [`restarted`] starts these processes.
     #[must_use]
     pub fn journal(self, file: &Path) -> Self {
         Self { journal: Some(file.to_owned()), ..self }

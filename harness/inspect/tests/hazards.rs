@@ -347,8 +347,8 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(error.to_string().contains("invalid field accessor"), "{error}");
 }
 
-/// Karat doesn't know the callers of a function in an invalid module, so Karat judges each valid function of this
-/// module on its own.
+/// Karat reads the valid functions of an invalid module one by one, so it also finds their calls of functions in other
+/// modules.
 // Lesson 143
 #[test]
 fn a_requirement_is_met_despite_an_invalid_calling_module() {
@@ -661,7 +661,7 @@ fn progress_never_goes_backwards() {
     assert_eq!(told.into_inner().expect("nobody panics"), expected);
 }
 
-/// Correct code has no findings. Authors ignore long lists of findings.
+/// Correct code has no findings.
 // Lesson 111
 #[test]
 fn correct_functions_have_no_findings() {
@@ -1030,8 +1030,8 @@ fn pixels_that_write_storage_race() {
     assert!(race.advice.starts_with("the pixels of a draw have no order"), "{}", race.advice);
 }
 
-/// The race in `bright` is a fault: all invocations that write use `a[0]`. The race in `scatter` is a requirement: the
-/// contents of `idx` decide to which element an invocation writes.
+/// The race in `bright` is a fault: all writes go to `a[0]`. The race in `scatter` is a requirement: the contents of
+/// `idx` decide to which element an invocation writes.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -1227,8 +1227,8 @@ fn a_tail_without_its_guard_is_found() {
     }
 }
 
-/// The values in `s` decide which invocations swap elements. Without a barrier, other invocations may read a swapped
-/// element too early.
+/// The values in `s` decide which invocations swap elements. Without a barrier, another invocation may read an element
+/// before the swap.
 #[test]
 fn a_race_that_data_decide_is_found() {
     let text = |barrier: &str| {
@@ -1613,7 +1613,8 @@ fn declared_inputs_of_the_host_are_used() {
     }
 }
 
-/// Karat reports an unsigned difference that wraps below 0 and then becomes a float, but no hash that wraps on purpose.
+/// Karat reports an unsigned difference that wraps below 0 and then becomes a float. Karat doesn't report a hash that
+/// wraps on purpose.
 #[test]
 fn differences_below_zero_that_become_floats_are_found() {
     for (text, operation) in [

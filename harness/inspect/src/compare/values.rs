@@ -44,8 +44,8 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// Checks if this distance is almost as good an example of the change as the largest distance. For floats, the
-    /// number of steps must be at least the square root of the largest number of steps.
+    /// Checks if this distance is close enough to the largest distance to serve as an example of the change. For
+    /// floats, the number of steps must be at least the square root of the largest number of steps.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),

@@ -1,4 +1,5 @@
-//! Finds hazards in functions: runs them over arguments and contents, and searches for inputs that avert a finding.
+//! Finds hazards in functions: runs them over generated arguments and resources, and searches for inputs that avert a
+//! finding.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -98,7 +99,7 @@ impl Tally {
     }
 }
 
-/// Selects the inputs that take their values from another content.
+/// Selects the inputs that take their values from another content (another set of generated values).
 type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 
 /// Keeps each finding of a run, so that one finding doesn't hide another finding of the same kind.

@@ -115,8 +115,7 @@ impl InContent {
 /// Checks if a finding always occurs. Three conditions must hold:
 /// - The pass reaches the finding's operation over at least [`CONTENTS`] contents.
 /// - The finding occurs over each of these contents.
-/// - If single invocations go wrong, at least one of them goes wrong over each content with which it reaches the
-///   operation.
+/// - If the finding names the invocations that go wrong, one of them goes wrong whenever it reaches the operation.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;
@@ -287,7 +286,8 @@ impl Looked<'_> {
         }
     }
 
-    /// Runs the pass again for each input that isn't declared, with only this input from other contents.
+    /// For each free input, runs the pass again with other values of this input, and the old values of all other
+    /// inputs.
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();

@@ -46,8 +46,8 @@ fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
     Some((all(|bound| bound.ends().is_some()), all(is_narrow)))
 }
 
-/// Before bounds covered every order of operations, 99.0 % of the cases had bounds, and 80.4 % had tight ones. The test
-/// accepts percentages that are up to 3 points lower.
+/// Checks that WGSL bounds the results in more than 96.0 % of the cases, and tightly in more than 77.4 %. An early
+/// measurement gave 3 points more: 99.0 % and 80.4 %.
 // Lesson 168: most functions have a bound
 #[test]
 fn most_of_the_library_is_bounded() {

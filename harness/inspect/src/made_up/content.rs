@@ -131,7 +131,8 @@ const DRAWN: Content = Content {
 impl Content {
     /// The contents that functions read. The first content has random samples. In the second content, each member has
     /// its first preferred number, in the third content its second one, and so on. Preferred numbers include ends of
-    /// ranges, 0 and 1. Textures have another size in each content. Short arrays reveal missing bounds checks.
+    /// ranges, 0 and 1. Textures have another size in each content. Some contents have short arrays, which reveal
+    /// missing bounds checks.
     pub(crate) const OF_FUNCTIONS: [Self; 6] = [
         DRAWN,
         Self { draw: 1, ..DRAWN },

@@ -32,7 +32,7 @@ impl Extents {
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], content: Content) -> Self {
         /// The minimum number of elements of an array.
         const LEAST: u32 = 64;
-        /// The longest side of a dispatch that counts as short: two workgroups of 8 x 8 invocations.
+        /// The length up to which a side of a dispatch is short: two workgroups of 8 x 8 invocations.
         const SHORT: u32 = 16;
         let mut elements = [0, 1, 2].map(|k| size[k].saturating_mul(workgroups[k]));
         let total = elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
@@ -59,9 +59,9 @@ impl Extents {
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// The value of an integer whose name suggests no range: the content's `least`, or `None` without `least`. If
-    /// `least` is 2, 3 or 4, the value is a little larger and depends on the name and the component's index, so that
-    /// exchanging two integers changes the result.
+    /// The value of an integer whose name suggests no range; `None` if the content has no `least`. The value is usually
+    /// `least`. If `least` is 2, 3 or 4, Karat adds a small number that depends on the integer's name and the
+    /// component's index, so that exchanging two integers changes the result.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
         let least = self.content.least?;

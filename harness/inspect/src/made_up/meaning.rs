@@ -386,7 +386,7 @@ mod tests {
         }
     }
 
-    /// The guide's page about names contains each word of these lists.
+    /// The guide's page about names contains each word of the lists in this file.
     #[test]
     fn the_guide_lists_each_name() {
         let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/guide/hazard-names.md");

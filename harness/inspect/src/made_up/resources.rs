@@ -44,7 +44,7 @@ pub(crate) struct Input {
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
     pub(crate) content: Content,
-    /// The sizes of the other content, for a pass.
+    /// For a pass: the sizes of the resources in the other content.
     pub(crate) extents: Option<Extents>,
     pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
 }
@@ -734,8 +734,8 @@ impl Noise<'_> {
 
 /// Makes a texture. Its texels are smooth, so that the few bits of a filter's weights hardly matter. With `own`, the
 /// texels differ from other variables' texels, may be transparent, and don't change linearly, so that mip levels
-/// differ. With noise, texels are independent of each other, so that a texel may be larger or smaller than its
-/// neighbour. With a contrast below 1, texels use only a part of their range.
+/// differ. With noise, neighbouring texels have independent values, except in the squares that [`Noise::of_text`]
+/// selects. With a contrast below 1, texels use only a part of their range.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
@@ -1006,7 +1006,8 @@ mod tests {
         }
     }
 
-    /// A missing element reads as 0, which is larger than all negative numbers.
+    /// In one content, unconstrained floats are negative. A read outside of an array gives 0, which is larger than all
+    /// of them.
     #[test]
     fn floats_of_one_content_are_below_zero() {
         let text = "struct P { mass: f32, other: f32 }

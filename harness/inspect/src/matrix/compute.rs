@@ -236,9 +236,9 @@ fn initial(passes: &Passes) -> Vec<u32> {
     writable(passes).flat_map(|(_, words)| words).collect()
 }
 
-/// Finds the 32-bit words of writable buffers whose values WGSL leaves open, from the first column's results. A word is
-/// open if it depends on an access outside of an array, on the order of invocations or on the size of subgroups, or if
-/// it is a float that isn't finite. Returns an error if the engine can't run the pass.
+/// Finds the 32-bit words for which WGSL leaves the value open, in all writable resources. `expected` has the first
+/// column's results. A word is open if it depends on an access outside of an array, on the order of invocations or on
+/// the size of subgroups, or if it is a float that isn't finite. Returns an error if the engine can't run the pass.
 fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>, String> {
     let mut open = strays(passes).map_err(|error| error.to_string())?;
     open.resize(expected.len(), false);
@@ -282,9 +282,9 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
     Ok(open)
 }
 
-/// For each 32-bit word, the distance between two neighbouring values that the word may have. A texture may store
-/// texels as fractions of an integer. Between two fractions, columns may round in different directions. For words that
-/// aren't such fractions, the distance is 0.
+/// For each 32-bit word, the distance between two neighbouring values that the word may have. A texture may store a
+/// channel as a multiple of a fraction such as 1/255, and columns may round to different multiples. For all other
+/// words, the distance is 0.
 fn steps(passes: &Passes) -> Vec<f32> {
     let of = |(binding, words): (&Binding, Vec<u32>)| {
         let step = match binding.kind {

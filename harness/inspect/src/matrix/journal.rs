@@ -50,7 +50,7 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Reads a journal file. A missing file means that no process has ended.
+    /// Reads a journal file. If the file doesn't exist, the journal has no rows, because no earlier process ended.
     pub(super) fn read(file: Option<&Path>, package: &str) -> io::Result<Self> {
         let mut journal = Self { package: package.to_owned(), ..Self::default() };
         let Some(file) = file else { return Ok(journal) };

@@ -26,7 +26,8 @@ pub(super) struct Latitude {
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on a read or a write outside of an array.
     strays: Vec<bool>,
-    /// `true` if bounds are wider than WGSL's bounds. For example, the bounds of a texture contain all its texels.
+    /// `true` if bounds are wider than WGSL's bounds. For example, the bounds of a texture sample contain all texels of
+    /// the texture.
     loose: bool,
 }
 

@@ -46,8 +46,9 @@ impl Pair<'_, '_> {
             .or_else(|| self.first_that_differs(std::slice::from_ref(&found.row)))
     }
 
-    /// Compares the results of rows. If the columns differ only because one of them flushes arguments, the result is
-    /// open: WGSL lets operations treat subnormal numbers as zeros (15.7.2).
+    /// Compares the two columns' results for some rows (each row has the arguments of one case). If the columns differ
+    /// only because one of them flushes arguments, the result is open: WGSL lets operations treat subnormal numbers as
+    /// zeros (15.7.2).
     pub(super) fn compare(
         &self,
         rows: &[u32],
