@@ -226,7 +226,7 @@ impl Read for Timed {
     }
 }
 
-/// Checks the secret in a page's URL, so that only clients that know the URL can use the page.
+/// A guard that checks the secret in a page's URL, so that only clients that know the URL can use the page.
 pub struct Door {
     port: u16,
     token: String,
