@@ -129,8 +129,8 @@ pub struct Probe<'a> {
     together: Option<Together<'a>>,
 }
 
-/// A generated function that calls one of several functions. The first argument selects the function. After it come the
-/// arguments of all these functions, function by function.
+/// A generated function that calls one of several functions. The first argument selects the function. Then come the
+/// arguments of each selectable function, one function after the other.
 #[derive(Clone, Debug)]
 struct Together<'a> {
     package: &'a Package,
@@ -313,8 +313,8 @@ impl<'a, C> Check<'a, C> {
 
     /// Sets the number of cases. If the domain has at most that many values, Karat tries each value once.
     ///
-    /// The default is 65,536 calls, 256 integrals, or 16 values of a sampler's other arguments. By default,
-    /// Karat tries every value of a domain that has at most 2^20 values (65,536 for integrals, 4,096 for
+    /// The default is 65,536 calls, 256 integrals, or 16 sets of values for a sampler's arguments that aren't random.
+    /// By default, Karat tries every value of a domain that has at most 2^20 values (65,536 for integrals, 4,096 for
     /// samplers).
     ///
     /// ```

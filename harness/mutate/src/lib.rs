@@ -1,9 +1,9 @@
 //! Mutation testing of WGSL: checks that a package's tests would notice mistakes in its shaders.
 //!
-//! [`mutants`] makes small mistakes in a text: another operator, another number, a missing guard. [`Request`] runs the
-//! tests that use the mutated code on each mutant. Mutants exist only in memory: no file changes. A test that fails on
-//! a mutant kills it. For a mutant that lives, [`Lived`] gives the reason. If Karat finds an input for which the mutant
-//! and the original differ, [`Lived`] has that input.
+//! [`mutants`] makes small mistakes in a text: another operator, another number, a missing guard. For each mutant,
+//! [`Request`] runs the tests that use the mutated code. Mutants exist only in memory: no file changes. A test that
+//! fails on a mutant kills it. For a mutant that lives, [`Lived`] gives the reason. If Karat finds an input for which
+//! the mutant and the original differ, [`Lived`] has that input.
 //!
 //! ```
 //! use karat::Package;

@@ -198,8 +198,8 @@ struct Maker<'a> {
     tokens: Vec<Token<'a>>,
     /// For each token that is a bracket, the index of the matching bracket.
     partner: Vec<Option<usize>>,
-    /// For each token, `true` if the token belongs to an attribute or to a template argument list, including its
-    /// brackets.
+    /// For each token, `true` if the token belongs to an attribute or to a template argument list. `<` and `>` belong
+    /// to the list.
     types: Vec<bool>,
     item: String,
     found: Vec<Mutant>,

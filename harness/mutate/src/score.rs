@@ -2,7 +2,7 @@
 
 use crate::{Fate, Tried};
 
-/// The number of mutants by fate.
+/// The numbers of mutants, by fate.
 ///
 /// ```
 /// use karat_mutate::Score;

@@ -115,8 +115,8 @@ fn equal_mutants_are_no_gaps() {
     assert!(matches!(fate("g", "1.0", "2.0"), Fate::Lived { .. }));
 }
 
-/// Removing a guard that never acts gives an equivalent function. Removing a guard that acts for some argument gives
-/// another function.
+/// Removing a guard that never acts gives an equivalent function. If a guard acts for some argument, the function
+/// without the guard isn't equivalent.
 #[test]
 fn guards_that_never_act_are_equal() {
     let shader = "fn f(n: i32) -> f32 { let x = f32(n); return max(abs(x), 0.0); }\n\
@@ -347,8 +347,8 @@ fn nothing_is_judged_without_evidence() {
     assert_eq!((score.killed, score.percent()), (0, Some(0.0)), "{score:?}");
 }
 
-/// A function with `@test` kills mutants, as a declared test does. It may be in the module of the tested function or in
-/// another module.
+/// A function with `@test` kills mutants, as a declared test does. The test can be in the tested function's module or
+/// in another module.
 #[test]
 fn tests_in_wgsl_kill() {
     let own = "fn sign_of(x: f32) -> i32 { if (x < 0.0) { return -1; } return 1; }\n";
@@ -369,8 +369,8 @@ fn tests_in_wgsl_kill() {
     }
 }
 
-/// A test in WGSL compares values in the shader, where Karat can't see them. A declared test's values are known to
-/// Karat.
+/// Karat sees the values that a test in TOML compares. A test in WGSL compares its values in the shader, where Karat
+/// can't see them.
 #[test]
 fn values_that_no_run_shows_are_not_judged() {
     let shader = "fn f(x: f32) -> f32 { if (x > 3.0) { return x + 7.0; } return x; }\n";
@@ -439,8 +439,8 @@ fn places_of_mutants_count_characters_of_the_source() {
     assert!(matches!(error, MutateError::Printed), "{error}");
 }
 
-/// A mutant isn't killed if its loop never ends, or if an `@if` removes its code. Replacing `0u` with `1u` gives valid
-/// WGSL.
+/// A mutant isn't killed if its loop never ends, or if an `@if` removes its code. A mutant that starts a loop at `1u`
+/// in place of `0u` is valid WGSL.
 // Lesson 29
 // Lesson 30
 #[test]

@@ -68,8 +68,8 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
     }))
 }
 
-/// Returns the script of a golden of values without pending values. The script has the rows and the versions of the
-/// golden.
+/// Returns the script of a golden table for which no new values are pending. The script has the rows and the versions
+/// of the golden.
 pub(super) fn golden_table(
     index: usize,
     name: &str,
@@ -134,8 +134,8 @@ pub(super) fn function(index: usize, failure: &Failure) -> String {
     received(&data)
 }
 
-/// Returns the rows of a table that differ from its golden. A new or deleted row has an infinite difference, which
-/// becomes null, because JSON has no infinity.
+/// Returns the changed rows of a table, beside the golden's values. A new or deleted row has an infinite difference,
+/// which becomes null, because JSON has no infinity.
 fn table(rows: &Rows) -> Value {
     let row = |row: &ChangedRow| {
         json!({

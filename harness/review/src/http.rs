@@ -2,8 +2,8 @@
 //!
 //! Every program on this machine can connect, so the server never waits long for a client. A request must arrive within
 //! a time limit, the sizes of its head and its body are limited, and the server doesn't trust announced lengths. If
-//! there are too many connections, the server closes the oldest connection without a valid request. So silent clients
-//! can't block others. Stopping doesn't wait for clients.
+//! there are too many connections, the server closes the oldest connection that hasn't sent a valid request. So silent
+//! clients can't block others. Stopping doesn't wait for clients.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -137,8 +137,8 @@ struct Entry {
 }
 
 impl Open {
-    /// Adds a connection. If there are too many connections, closes the oldest connection without a valid request, or
-    /// else the oldest connection.
+    /// Adds a connection. If there are too many connections, closes the oldest connection that hasn't sent a valid
+    /// request, or else the oldest connection.
     fn enter(open: &Arc<Self>, stream: TcpStream) -> Connection {
         let stream = Arc::new(stream);
         open.change(|entries| {
@@ -226,7 +226,7 @@ impl Read for Timed {
     }
 }
 
-/// Checks the secret in a page's URL, so that only clients that know the URL can use the page.
+/// A guard that checks the secret in a page's URL, so that only clients that know the URL can use the page.
 pub struct Door {
     port: u16,
     token: String,
@@ -256,8 +256,8 @@ impl Door {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// Returns the part of a request's path that follows the secret. A request for the page itself has an empty part
-    /// there. The error message names `printed`, the command that printed the URL.
+    /// Returns the part of a request's path that follows the secret. In a request for the page itself, this part is
+    /// empty. The error message names `printed`, the command that printed the URL.
     ///
     /// # Errors
     /// Returns a response with an error if the request lacks the secret, or comes from a page of another origin.
@@ -350,8 +350,8 @@ impl<'a> Request<'a> {
         if named.next().is_some() { Err(Repeated) } else { Ok(first) }
     }
 
-    /// Marks this request as valid. If there are too many connections, the server first closes connections without a
-    /// valid request.
+    /// Marks this request as valid. If there are too many connections, the server first closes connections that haven't
+    /// sent a valid request.
     pub fn admit(&self) {
         self.connection.open.change(|entries| {
             for entry in entries {

@@ -54,7 +54,7 @@ const MOST_VERSIONS: usize = 8;
 pub struct Case {
     /// The name of the golden.
     pub name: String,
-    /// The images of the golden and of the frame. The test compares the first image.
+    /// The images of the golden and of the frame. The test compares only the images in the first element.
     pub parts: Vec<Part>,
     /// Images computed from the golden and the frame.
     pub maps: Vec<Map>,
@@ -72,7 +72,7 @@ pub struct Case {
     pub table: Option<Rows>,
 }
 
-/// The rows of a table that differ from its golden.
+/// The changed rows of a table: the rows whose values differ from the golden's.
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// The names of the columns: arguments, then results.
@@ -85,7 +85,7 @@ pub struct Rows {
     pub changed: usize,
 }
 
-/// An image that a golden and a frame may both have.
+/// A named image, from the golden, from the frame, or from both.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// The name of the image: `color`.

@@ -121,7 +121,7 @@ impl Case {
 }
 
 impl Rows {
-    /// Returns the rows of a table that differ from its golden.
+    /// Makes the data for the page from the changed `rows` of a table, and keeps at most `MOST_ROWS` rows.
     pub(super) fn of(table: &Table, mut rows: Vec<ChangedRow>) -> Self {
         let changed = rows.len();
         rows.truncate(MOST_ROWS);

@@ -59,9 +59,9 @@ fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
     commits.lines().find(has).map(str::to_owned)
 }
 
-/// Returns the modules that changed since the commit of the golden. `modules` are the modules that the frame depends
-/// on, from the frame's file or from the last run. If `modules` is `None`, or has no module in this repository, Karat
-/// compares all modules of the repository.
+/// Returns the modules that changed since the commit of the golden. `modules` lists the modules that the frame depends
+/// on; the list comes from the frame's file or from the last run. If `modules` is `None`, or has no module in this
+/// repository, Karat compares all modules of the repository.
 pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     match Since::find(golden).and_then(|since| since.changed(modules)) {
         Ok(known) => known,
@@ -101,8 +101,8 @@ impl Since {
         Ok(Self { root: root.trim_end().into(), commit: commit.trim().to_owned() })
     }
 
-    /// Returns the modules in this repository as paths for git. Leaves out modules of another machine, and of crates
-    /// outside of the repository.
+    /// Returns the modules in this repository as paths for git. Leaves out files outside of the repository, such as
+    /// modules of a crate or paths from another machine.
     fn inside(&self, modules: &[PathBuf]) -> Vec<String> {
         // If a file is behind a link, git names its real path.
         let real = |file: &PathBuf| file.canonicalize().unwrap_or_else(|_| file.clone());

@@ -11,8 +11,8 @@ use karat::unstable::golden::{Pending, PendingFrames};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts in the order in which they load. While a script loads, it uses only earlier scripts. The page joins all
-/// scripts into one script with one scope.
+/// The scripts, in the order in which the page joins them into one script with one scope. Top-level code uses only
+/// earlier scripts.
 const SCRIPTS: [&str; 26] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),

@@ -10,7 +10,8 @@ use super::{Case, Entry, Map, golden_name, packed};
 
 /// A source of values and traces of pixels. The program that serves the page implements this trait.
 pub trait Pixels: Debug + Send + Sync {
-    /// Lists the values of a frame, one in each line: `scene::shade::n: vec3<f32> = normalize(v)`.
+    /// Lists the shader values that [`tap`](Self::tap) can show for a frame. Each element is one value, such as
+    /// `scene::shade::n: vec3<f32> = normalize(v)`.
     ///
     /// # Errors
     /// Returns an error if the frame is unknown, or can't be drawn.
@@ -23,7 +24,7 @@ pub trait Pixels: Debug + Send + Sync {
     fn tap(&self, frame: &str, size: (u32, u32), value: &str) -> Result<Map, String>;
 
     /// Returns the steps that compute a pixel, as `karat trace --json` prints them. `size` is the size of the frame.
-    /// With a commit, returns the steps with the shaders of that commit and with today's shaders.
+    /// With a commit, returns two traces: one with the shaders of that commit, and one with the current shaders.
     ///
     /// # Errors
     /// Returns an error if the pixel can't be traced.

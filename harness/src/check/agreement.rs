@@ -56,7 +56,7 @@ struct Comparison<'c> {
     tolerance: &'c Tolerance,
     /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// Becomes `true` after the first conclusive comparison (see `tells`).
+    /// `true` after the first conclusive comparison (see `tells`).
     told_apart: &'c AtomicBool,
 }
 

@@ -1,5 +1,5 @@
-//! Compares a test's tolerance with the errors that WGSL allows. The comparison shows if the test may fail on
-//! another driver.
+//! Compares a test's tolerance with the errors that WGSL allows. The comparison shows if a valid driver could fail the
+//! test.
 
 use super::batch::Batch;
 use crate::interpret::{Bound, Interpreted};

@@ -13,8 +13,8 @@ pub(super) struct Allowed<'g> {
     pub(super) spec_tolerance: &'g SpecTolerance,
     /// The bounds of each component of the results, one case after the other.
     pub(super) bounds: &'g [Bound],
-    /// Becomes `true` as soon as the bounds decide that a case passes. If the bounds of a case are too wide, the
-    /// tolerance in `spec_tolerance.otherwise` decides instead.
+    /// `true` after the bounds decided that a case passes. If the bounds of a case are too wide, the tolerance in
+    /// `spec_tolerance.otherwise` decides instead.
     pub(super) judged: &'g AtomicBool,
 }
 

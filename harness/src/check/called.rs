@@ -124,7 +124,7 @@ impl Called<'_> {
         self.scalars().iter().zip(words).map(|(scalar, word)| scalar.decode(*word)).collect()
     }
 
-    /// Returns an error unless the type `host` fits the function's return type.
+    /// Checks that `host`, the type that the check expects, fits the function's return type.
     pub(super) fn expect_result(&self, host: &Shape, who: &str) -> Result<(), Failure> {
         let function = self.function();
         if host.stands_for(&function.result, true) {

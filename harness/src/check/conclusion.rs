@@ -9,7 +9,7 @@ use crate::reflect::Function;
 use crate::run::{Conclusion, Descent, Replayed};
 use crate::tolerance::LaneError;
 
-/// The results on one path, for one way to pass arguments: in a kind of buffer, or as constants.
+/// The results on one path, for one way to pass arguments: in a storage buffer, in a uniform buffer, or as constants.
 pub(super) struct Outcome {
     function: Function,
     inputs: Inputs,

@@ -30,8 +30,8 @@ const FUNCTION: &str = "holds";
 #[derive(Clone)]
 pub struct Condition {
     interpreted: Arc<Interpreted>,
-    /// The indices of the scalars in a row that the condition reads. For an argument that varies from pixel to
-    /// pixel, the condition reads only the pixel's own value, not its neighbours' values.
+    /// The scalars that the condition reads, as indices in a row. For an argument that varies from pixel to pixel, the
+    /// condition reads only the pixel's own value, not its neighbours' values.
     lanes: Vec<usize>,
 }
 

@@ -25,8 +25,8 @@ pub(super) struct Demand {
     pub(super) calls: usize,
 }
 
-/// Numbers the cases of a check. The check sets the number of cases; otherwise the verb's default in `demand` applies.
-/// Returns an error if there are no cases, or too many.
+/// Determines the cases of a check, and gives each case an index. If the check sets no number of cases, the verb's
+/// default in `demand` applies. Returns an error if there are no cases, or too many.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

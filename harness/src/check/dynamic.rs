@@ -26,7 +26,7 @@ use crate::value::Shape;
 #[derive(Clone, Copy, Debug)]
 pub enum Words {}
 
-/// A function that appends the expected components of the result for the words of a case's arguments.
+/// A function that takes a case's arguments as `u32` words, and appends the expected components of the result.
 pub type ExpectWords<'e> = &'e (dyn Fn(&[u32], &mut Vec<f64>) + Sync);
 
 impl<'a> Probe<'a> {

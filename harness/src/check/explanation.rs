@@ -89,8 +89,8 @@ impl Session<'_> {
         Ok(lines)
     }
 
-    /// Describes the first `let` whose value on this path is outside of WGSL's bounds. If there is none, says that only
-    /// the returned value is outside.
+    /// Describes the first `let` whose value on this path is outside of WGSL's bounds. If all `let` values are inside,
+    /// says that only the returned value is outside.
     fn blame(&self, witness: &Interpreted, row: &[u32]) -> Option<String> {
         for one in lets(&self.called.probed) {
             let Some(probed) = &one.probed else { continue };

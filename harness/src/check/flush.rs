@@ -14,7 +14,7 @@ const APART: usize = 4;
 /// The smallest normal `f16`, 2^-14.
 const LEAST_F16: f32 = 1.0 / 16_384.0;
 
-/// Returns `given`, the judgement for a case's own arguments, if the case passes. Otherwise judges the case
+/// Returns `given`, the judgement of a case with unchanged arguments, if `given` is a pass. Otherwise judges the case
 /// with flushed arguments. Returns `given` if no choice of flushed arguments makes the case pass.
 pub(super) fn allowing_flushes(
     scalars: &[Scalar],

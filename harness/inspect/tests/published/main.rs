@@ -499,8 +499,8 @@ fn is_whole() -> bool {
     std::env::var("SUITES").is_ok_and(|suites| suites == "whole")
 }
 
-/// All kernels, or every 23rd kernel. Each kernel has several variants. Because 23 doesn't divide their number, the
-/// selection includes different variants.
+/// All kernels, or every 23rd kernel. Each kernel has several variants. Because 23 isn't a multiple of a kernel's
+/// number of variants, the selection includes different variants.
 fn chosen(all: Vec<Kernel>) -> Vec<Kernel> {
     const SHARE: usize = 23;
     let wanted = |at: usize| is_whole() || at % SHARE == 1;
