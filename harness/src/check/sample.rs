@@ -33,7 +33,7 @@ impl Sample {
         some.and_failing()
     }
 
-    /// Takes the picked cases from a batch, for a function with these parameters.
+    /// Stores the arguments and ratios of a batch's picked cases. `None` if no case was picked.
     pub(super) fn of(
         parameters: &[(String, Shape)],
         batch: &Batch,

@@ -54,8 +54,8 @@ impl Session<'_> {
     }
 }
 
-/// Finds the first failing value. Returns its index in `values`, and its failure. `judge` gets some of the values in
-/// each call, and counts them from 0.
+/// Finds the first failing value. Returns its index in `values`, and its failure. Each call of `judge` judges a part of
+/// `values`.
 fn first_failing(
     values: &[Held],
     effort: Effort,
