@@ -155,9 +155,9 @@ impl<V> Check<'_, Calls<V>> {
     /// SHADERS.function("tone::fast").over(0.0..=16.0).agrees_with_function("tone::exact", Rel(1e-3));
     /// ```
     ///
-    /// The reference function can also come from a package that the tested function's package [depends
-    /// on](crate::Package::depends_on). Then write its name as in an import: `shaders::tone::exact`. If both
-    /// functions have the same mistake, the check passes.
+    /// If the tested function's package [depends on](crate::Package::depends_on) another package, the reference
+    /// function can also come from that package. Then write the reference function's name as in an import:
+    /// `shaders::tone::exact`. If both functions have the same mistake, the check passes.
     ///
     /// # Panics
     /// Panics with the [`Failure`] if a case disagrees, if the engine can't execute the reference function, or if

@@ -33,7 +33,7 @@ impl Sample {
         some.and_failing()
     }
 
-    /// Stores the arguments and ratios of a batch's picked cases. `None` if no case was picked.
+    /// Stores the picked cases of a batch, its worst case and its first failing case. `None` if no case is picked.
     pub(super) fn of(
         parameters: &[(String, Shape)],
         batch: &Batch,

@@ -31,8 +31,8 @@ pub struct WgslTest {
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// The text of the test and of everything that the test uses, without comments and white space.
     normalized_text: Option<String>,
-    /// The names and types of the parameters as the author wrote them. `None` if a type's name, such as that of a
-    /// structure, may have another meaning in other modules.
+    /// The names and types of the parameters as the author wrote them. `None` if a type's name, such as a structure's
+    /// name, can have another meaning in other modules.
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,

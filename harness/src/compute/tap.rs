@@ -14,7 +14,7 @@ use crate::reflect::TOLD;
 const MOST_BYTES: usize = 128 << 20;
 
 impl Compute<'_> {
-    /// The named values of the last pass, as one line of text for each value.
+    /// Describes each `let` and each parameter in the last pass's functions, in one line of text.
     ///
     /// # Errors
     /// Returns an error if the passes aren't valid.
