@@ -20,8 +20,8 @@ const ROUNDS: usize = 50;
 /// the simplest case that it has found so far.
 const TIME: Duration = Duration::from_secs(20);
 
-/// The largest number of errors in one round. For example, Karat gets an error instead of a verdict if a reference isn't
-/// finite. After more errors, the round finds no simpler value.
+/// The largest number of errors that one round tolerates. For example, a value gives an error instead of a verdict if
+/// its reference isn't finite. After more errors, the round ends without a simpler value.
 const ERRORS: usize = 64;
 
 pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<PathTally, Failure>;

@@ -294,8 +294,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion that replaces the test's assertion if the latter fails in the usual order: the result of each other
-    /// order must agree with the result of the usual order.
+    /// The assertion that replaces the test's assertion if that assertion fails in the usual order: the result of each
+    /// other order must agree with the result of the usual order.
     own: Option<Assertion<'a>>,
 }
 

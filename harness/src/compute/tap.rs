@@ -14,7 +14,7 @@ use crate::reflect::TOLD;
 const MOST_BYTES: usize = 128 << 20;
 
 impl Compute<'_> {
-    /// Describes each `let` and each parameter in the last pass's functions, in one line of text.
+    /// Lists the `let`s and parameters that [`tap`](Self::tap) can read in the last pass, with one line of text for each.
     ///
     /// # Errors
     /// Returns an error if the passes aren't valid.
