@@ -76,7 +76,7 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`has_none_of`](Self::has_none_of), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// Returns the failure with which the method without `try_` panics.
+    /// Returns the failure with which [`has_none_of`](Self::has_none_of) panics.
     pub fn try_has_none_of(
         self,
         kinds: impl IntoIterator<Item = Kind>,
@@ -85,9 +85,9 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.hazards(&*self.stream, &self.demand(), Some(&kinds))
     }
 
-    /// Accepts the hazard of an operation. `text` is the operation's text in the function, with single spaces. `reason`
-    /// says why the hazard is acceptable. If the check finds no hazard in this operation, the check fails until you
-    /// remove this call.
+    /// Accepts the hazard of an operation. `text` is the operation's source text, such as `1.0 / x`. `reason` says why
+    /// the hazard is acceptable. If the check finds no hazard in this operation, the check fails until you remove this
+    /// call.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -33,7 +33,7 @@ use group::Group;
 /// The default number of integrals. The number is small, because each integral takes thousands of calls.
 const CASES: u64 = 256;
 
-/// The size up to which Karat, by default, computes an integral for every value of a finite domain.
+/// If a finite domain has at most this many values, Karat by default computes an integral for every value.
 const ENUMERATED: u64 = 65_536;
 
 impl<'a> Probe<'a> {

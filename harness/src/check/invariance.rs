@@ -90,9 +90,9 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that transforming the arguments multiplies the result by a factor, to within a tolerance.
     ///
     /// `factor` receives the original arguments. The result for the transformed arguments must be the factor
-    /// times the result for the original arguments. For example, most BRDF functions include the cosine, so
-    /// they aren't reciprocal. Swapping the directions multiplies their result by the quotient of the cosines
-    /// (Helmholtz; pbrt, 4.3.1). A factor that isn't finite is an error.
+    /// times the result for the original arguments. For example, if a function returns a BRDF times the cosine,
+    /// swapping the two directions multiplies the result by the quotient of their cosines (Helmholtz; pbrt,
+    /// 4.3.1). A factor that isn't finite is an error.
     ///
     /// ```
     /// use karat::prelude::*;

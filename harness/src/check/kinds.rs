@@ -32,7 +32,7 @@ impl Kinds {
 
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
-    /// The operation's source text, with single spaces.
+    /// The operation's source text, in which each sequence of white space is replaced by a single space.
     pub(super) text: String,
     pub(super) reason: String,
 }

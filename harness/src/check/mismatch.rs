@@ -37,7 +37,7 @@ pub enum Mismatch {
     Unsuited {
         /// The type that the function returns.
         result: Shape,
-        /// The words in the message that say what doesn't fit: `but this check needs a vector of floats`.
+        /// The words in the message that say what the verb needs: `but this check needs a vector of floats`.
         wanted: &'static str,
     },
     /// The check compares the function with itself.

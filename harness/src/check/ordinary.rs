@@ -155,9 +155,9 @@ impl<V> Check<'_, Calls<V>> {
     /// SHADERS.function("tone::fast").over(0.0..=16.0).agrees_with_function("tone::exact", Rel(1e-3));
     /// ```
     ///
-    /// The reference function may be in a package that this package [depends on](crate::Package::depends_on).
-    /// Write the function's name as in an import: `shaders::tone::exact`. If both functions have the same
-    /// mistake, the check passes.
+    /// If the tested function's package [depends on](crate::Package::depends_on) another package, the reference
+    /// function can also come from that package. Then write the reference function's name as in an import:
+    /// `shaders::tone::exact`. If both functions have the same mistake, the check passes.
     ///
     /// # Panics
     /// Panics with the [`Failure`] if a case disagrees, if the engine can't execute the reference function, or if
@@ -419,7 +419,7 @@ mod tests {
     const OPEN: Bounds = (Bound::Excluded(0.0), Bound::Excluded(1.0));
     const BELOW: Bounds = (Bound::Included(0.0), Bound::Excluded(8.0));
 
-    /// If the range excludes both ends, the distance is that to the nearer end.
+    /// If the range excludes both ends, `distance` returns the distance to the nearer end.
     #[test]
     fn distances_are_measured_to_the_nearest_excluded_end() {
         let of = |ranges: [Bounds; 2], lanes: &[(Scalar, u32)]| {

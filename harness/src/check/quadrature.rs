@@ -130,8 +130,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// default is 256 cases.
     ///
     /// Karat computes each integral with two rules that have different numbers of rings. If both integrals are clearly
-    /// wrong, the check fails. Otherwise, if the integrals differ by more than the tolerance, the check has no verdict
-    /// and is an error: the function has a lobe that is narrower than the rings.
+    /// wrong, the check fails. Otherwise, if the integrals differ by more than the tolerance, the check ends with an
+    /// error instead of a verdict: the function has a lobe that is narrower than the rings.
     ///
     /// If a lobe lies between the rings of both rules, both rules miss the lobe, and the check ignores it. (The
     /// innermost of 64 rings is 1.5 degrees from the pole.) For such lobes, and if there is no verdict, set more

@@ -33,7 +33,7 @@ impl Sample {
         some.and_failing()
     }
 
-    /// Takes the picked cases from a batch, for a function with these parameters.
+    /// Stores the picked cases of a batch, its worst case and its first failing case. `None` if no case is picked.
     pub(super) fn of(
         parameters: &[(String, Shape)],
         batch: &Batch,

@@ -1,11 +1,11 @@
 //! Checks of samplers. A sampler is a function that turns random numbers into samples of a density.
 //!
-//! A configuration is a value of the sampler's other arguments, such as a roughness and a view direction. A check runs
-//! the sampler with several configurations. Each configuration has its own stream of random numbers, which depends only
-//! on the seed and the configuration's index. For each configuration, the check compares a p-value with a threshold.
-//! Karat computes this threshold so that the whole check rejects a correct sampler with the probability `significance`.
-//! The check fails at once if a sample isn't finite, lies outside the support (unless the check allows this), or has
-//! density 0.
+//! A configuration is a value of the sampler's arguments that aren't random, such as a roughness and a view direction.
+//! A check runs the sampler with several configurations. Each configuration has its own stream of random numbers, which
+//! depends only on the seed and the configuration's index. For each configuration, the check compares a p-value with a
+//! threshold. Karat computes this threshold so that the whole check rejects a correct sampler with the probability
+//! `significance`. The check fails at once if a sample isn't finite, lies outside the support (unless the check allows
+//! this), or has density 0.
 //!
 //! All paths use the same random numbers, so the paths don't count as separate statistical tests.
 
@@ -36,7 +36,7 @@ use calls::given;
 /// samples.
 const CONFIGURATIONS: u64 = 16;
 
-/// The size up to which, by default, every value of a finite domain is a configuration.
+/// If a finite domain has at most this many values, every value is a configuration by default.
 const ENUMERATED: u64 = 4096;
 
 /// The default number of samples per configuration. With this number, each of 512 cells gets 512 samples on average. If
@@ -48,7 +48,7 @@ const SAMPLES: u64 = 1 << 18;
 const SIGNIFICANCE: f64 = 0.01;
 
 /// The default limit for the difference between a density's integral and 1. Karat adds the quadrature's error to this
-/// limit. If the density has an error of a few hundred ulp at each node, the integral can differ from 1 by 2e-4.
+/// limit. If each value of the density has a relative error of at most 2e-4, the integral is within the limit.
 const MASS: f64 = 2e-4;
 
 impl<'a> Probe<'a> {

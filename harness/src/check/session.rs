@@ -28,7 +28,7 @@ use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 /// that Karat tries if a case fails.
 const SMALLEST: usize = 256;
 
-/// The largest capacity of a dispatch, in calls. Each dispatch costs some hundred microseconds, during which the CPU's
+/// The largest capacity of a dispatch, in calls. Each dispatch costs a few hundred microseconds, during which the CPU's
 /// cores wait. So one dispatch has room for twice the default number of cases.
 const LARGEST: usize = 2 * BATCH;
 

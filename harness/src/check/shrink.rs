@@ -20,8 +20,8 @@ const ROUNDS: usize = 50;
 /// the simplest case that it has found so far.
 const TIME: Duration = Duration::from_secs(20);
 
-/// The largest number of trials in one round that may give an error instead of a verdict, for example because a
-/// reference isn't finite.
+/// The largest number of errors that one round tolerates. For example, a value gives an error instead of a verdict if
+/// its reference isn't finite. After more errors, the round ends without a simpler value.
 const ERRORS: usize = 64;
 
 pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<PathTally, Failure>;
@@ -54,8 +54,8 @@ impl Session<'_> {
     }
 }
 
-/// Finds the first failing value. Returns its index in `values`, and its failure. `judge` gets some of the values in
-/// each call, and counts them from 0.
+/// Finds the first failing value. Returns its index in `values`, and its failure. Each call of `judge` judges a part of
+/// `values`.
 fn first_failing(
     values: &[Held],
     effort: Effort,

@@ -17,8 +17,8 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
-/// A statement about results that ignores the arguments. Karat can prove such a statement for all arguments, or search
-/// for arguments that violate the statement.
+/// A statement about a function's results alone, such as "the result is positive". Karat can prove such a statement for
+/// all arguments, or search for arguments that violate the statement.
 pub(super) struct Beyond<'b> {
     /// The distance between a result and the nearest excluded value. `None` if the statement excludes no value. Karat
     /// then doesn't search.

@@ -47,8 +47,8 @@ impl Plan<'_> {
         self.conclude_unless(run, asserted, stream, demand, (verb, last))
     }
 
-    /// Runs a check like `conclude_as`, with an identity that several runs of the same check share. If `withheld` is
-    /// `true` after this run, a later run gives the verdict, so this run writes no record.
+    /// Runs a check like `conclude_as`, but under the name in `identity`, which several runs of the same check share.
+    /// If `withheld` is `true` after this run, a later run gives the verdict, so this run writes no record.
     pub(super) fn conclude_unless(
         &self,
         (identity, withheld): (&Identity, &AtomicBool),

@@ -1,5 +1,5 @@
-//! Tests that are written in WGSL. For each test, Karat generates a function that calls the test and returns
-//! its report.
+//! Tests that are written in WGSL. For each test, Karat generates functions that call the test and report the
+//! expectations that fail.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -31,8 +31,8 @@ pub struct WgslTest {
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// The text of the test and of everything that the test uses, without comments and white space.
     normalized_text: Option<String>,
-    /// The names and types of the parameters as the author wrote them. `None` if a type's name, such as that of a
-    /// structure, may have another meaning in other modules.
+    /// The names and types of the parameters as the author wrote them. `None` if a type's name, such as a structure's
+    /// name, can have another meaning in other modules.
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
@@ -46,9 +46,11 @@ pub struct WgslTest {
 struct Made {
     parameters: Vec<(String, Shape)>,
     calls: BTreeSet<String>,
-    /// The module that calls the test, and returns the number of expectations that fail in the shader's arithmetic.
+    /// The module whose function calls the test, and returns the number of evaluated expectations and the number of
+    /// expectations that may have failed.
     counting: Package,
-    /// The module that also returns the values of these expectations, so that Karat can judge them on the host.
+    /// The module whose function also returns the values of the first expectations that may have failed. Karat judges
+    /// these values on the host.
     telling: Package,
 }
 
@@ -141,8 +143,7 @@ impl WgslTest {
         Ok(parameters.iter().map(|(_, shape)| type_text(&program, shape, structs)).collect())
     }
 
-    /// Generates two modules that call the test. The first module returns the number of expectations that fail in the
-    /// shader's arithmetic. The second module also returns the values of these expectations.
+    /// Generates two modules, each with a function that calls the test: [`Made::counting`] and [`Made::telling`].
     fn generated(
         &self,
         typed: &[(&str, String)],

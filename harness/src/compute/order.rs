@@ -128,9 +128,9 @@ impl fmt::Display for OrderDependence {
 impl After<'_> {
     /// Compares elements without regard to their order. Use this method for passes that append elements with an atomic
     /// counter, because drivers append elements in different orders. Karat sorts the actual and the expected elements
-    /// by value. If an element has several numbers, such as a vector, the first numbers of two elements should differ
-    /// by more than the tolerance. Otherwise Karat may compare the wrong elements. In a structure that ends in an
-    /// array, such as a counter with its items, Karat sorts only that array.
+    /// by value. If each element has several numbers, such as a vector's components, the first numbers of any two
+    /// elements should differ by more than the tolerance. Otherwise Karat may compare the wrong elements. In a
+    /// structure that ends in an array, such as a counter with its items, Karat sorts only that array.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -294,8 +294,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// An assertion for the other orders if the test's assertion fails in the usual order: each result must agree with
-    /// the result in the usual order.
+    /// The assertion that replaces the test's assertion if that assertion fails in the usual order: the result of each
+    /// other order must agree with the result of the usual order.
     own: Option<Assertion<'a>>,
 }
 
@@ -329,7 +329,7 @@ impl<'a> InOrders<'a> {
         !self.holds && self.own.is_none()
     }
 
-    /// Judges the result of another order. `endless` is `true` if a loop didn't end.
+    /// Judges the result of a run in an unusual order. `endless` is `true` if a loop didn't end.
     fn sum(
         &self,
         passes: &Passes,

@@ -52,7 +52,8 @@ impl Accepted {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Violations {
-    /// The violations. Each pair of accesses in the shader occurs once, with the first element that both accesses use.
+    /// The violations. If two accesses in the shader race on several elements, the list contains only one violation,
+    /// with the first of these elements.
     pub all: Vec<Violation>,
     /// The command that checks the passes again.
     pub replay: Replay,

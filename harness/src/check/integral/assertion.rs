@@ -1,4 +1,4 @@
-//! The assertions about integrals. Each assertion judges an integral.
+//! The assertions about integrals: `agrees_with` and `is_at_most`.
 
 use super::sum::Sum;
 use crate::check::called::Called;
@@ -109,9 +109,8 @@ impl Bound<'_> {
         }
     }
 
-    /// Checks if the integrals of both rules clearly fail. Returns `true` if both integrals lie on the same side of the
-    /// expected value, and if each integral still fails after moving closer to the expected value by the difference
-    /// between the two integrals.
+    /// Checks if the integrals of both rules clearly fail. Moves each integral towards `expected` by the difference
+    /// between the two integrals. Returns `true` if both integrals stay on the same side of `expected` and still fail.
     pub(super) fn refuses_both(&self, lane: usize, sums: [f64; 2], expected: f64) -> bool {
         let doubt = (sums[0] - sums[1]).abs();
         let above = sums[0] > expected;

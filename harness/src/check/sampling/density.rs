@@ -298,5 +298,5 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
     functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
-/// A type for the argument `weight`, which is `None` in checks without a function that returns weights.
+/// The type of the argument `weight` in checks without weights, which pass `None`.
 type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

@@ -92,8 +92,8 @@ where
     }
 
     /// Returns a lower bound for the probability that [`has_distribution`](Self::has_distribution) rejects samples with
-    /// the distribution function `alternative`. This method asserts nothing. Karat compares the two distribution
-    /// functions at the sampler's own samples.
+    /// the distribution function `alternative`. This method asserts nothing. Karat compares the functions
+    /// `distribution` and `alternative` at the sampler's own samples.
     ///
     /// ```
     /// # use karat::prelude::*;

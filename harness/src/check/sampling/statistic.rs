@@ -15,7 +15,7 @@ use crate::value::{Arguments, Shape, Shareable};
 type Verdict<'v> = &'v mut dyn FnMut(&[f64], &mut Judgement, f64) -> Result<(), NoVerdict>;
 
 /// A function that judges a configuration. The second argument is a function that computes the configuration's
-/// numbers and passes them to a verdict.
+/// numbers and passes them to a [`Verdict`] function.
 type JudgeNumbers<'j> = &'j dyn Fn(
     &Held,
     &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
@@ -90,9 +90,9 @@ where
     }
 
     /// Computes a number from each sample, and checks the Kolmogorov distance between the distribution of these numbers
-    /// and a distribution function. The distribution function takes a configuration and a number, and returns the
-    /// probability that a sample's number is at most that number. The check ignores a distance of up to `slack`, which
-    /// allows for the errors of the samples and of the distribution function.
+    /// and a distribution function. The distribution function takes a configuration and a number `x`, and returns the
+    /// probability that a sample's number is at most `x`. The check ignores a distance of up to `slack`, which allows
+    /// for the errors of the samples and of the distribution function.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -173,7 +173,7 @@ impl Numbers<'_> {
         })
     }
 
-    /// Computes the numbers of each configuration and passes them to a verdict.
+    /// Computes the numbers of each configuration, and judges them with `judge`.
     pub(super) fn judge(
         &self,
         sampler: Sampled<'_, '_>,
