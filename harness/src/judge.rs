@@ -215,7 +215,7 @@ pub(crate) trait Judge: Sync {
         false
     }
 
-    /// Translates a failing case's result into text, if the result is a code number, such as the result of a test in WGSL.
+    /// Translates a failing case's result into text, if the result is an encoded report, as in a test in WGSL.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None

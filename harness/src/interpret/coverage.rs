@@ -40,7 +40,7 @@ impl Seen {
     }
 }
 
-/// A line or a branch that an edit added to the shader, and that no input reaches.
+/// A line or a branch that an edit of the shader added or removed, and that no input reaches.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Uncovered {
     /// `file:line:column`

@@ -101,8 +101,8 @@ const ROUNDS_SEEN: u64 = 256;
 struct Precision {
     /// A number with a relative error above this value has lost half of its digits.
     lost: f64,
-    /// The largest relative error of a precise operand. If all operands are precise, but the result has lost half of its
-    /// digits, then the operation itself is the cause.
+    /// The largest relative error of a precise operand. If all operands are precise, but the result has lost half of
+    /// its digits, then the operation itself is the cause.
     precise: f64,
     /// A difference that is smaller than this share of its operands consists only of their rounding errors.
     noise: f64,
@@ -146,8 +146,8 @@ const MOST_ROUNDS: u64 = 65_536;
 const UNDECIDED: u64 = 16;
 
 /// A difference that is smaller than this share (2^-41) of its operands has fewer than 12 correct bits, even in double
-/// precision. Double precision rounds an operand by up to 2^-53 of the operand, and 53 - 41 is 12. An `f32` has 24 bits,
-/// so 12 bits are half of its digits.
+/// precision. Double precision rounds an operand by up to 2^-53 of the operand, and 53 - 41 is 12. An `f32` has 24
+/// bits, so 12 bits are half of its digits.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An interval whose relative width is at most this number counts as one number. If all operands of an operation count
