@@ -100,7 +100,7 @@ impl Interpreted {
         Self::with(probed, fixtures, &Settings::default())
     }
 
-    /// Lowers a function like `new`. `via` selects the arithmetic: ordinary, `cpu:fma` or `cpu:ftz`.
+    /// Lowers a function for the arithmetic that `via` selects: ordinary, `cpu:fma` or `cpu:ftz`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -197,8 +197,8 @@ impl Interpreted {
         Ok(words)
     }
 
-    /// For each scalar of the results, `true` if WGSL allows other values. Such a scalar depends on a read or a write
-    /// outside of an array or a texture, on a derivative, or on the mip level of a sampled texture. WGSL sets no bound
+    /// For each scalar of the results, `true` if the scalar depends on something that WGSL leaves open: a read or a
+    /// write outside of an array or a texture, a derivative, or the mip level of a sampled texture. WGSL sets no bound
     /// for the errors of derivatives and mip levels (section 15.7.4).
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
@@ -476,8 +476,8 @@ impl Bound {
     }
 }
 
-/// For each word that passes write, `true` if the word depends on a read or a write outside of an array. WGSL allows
-/// several values for such a word.
+/// For each word that the passes write, `true` if the word depends on a read or a write outside of an array. WGSL
+/// allows several values for such a word.
 pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
         let options = |_: usize| Options { outside, ..dispatch::options() };
@@ -559,9 +559,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Checks if the engine stopped a call in loops that each ran fewer than 1/16 of the call's iterations. These loops may
-/// still end, because other loops ran most of the iterations. Karat still recognises an endless loop whose iterations
-/// each run at most 15 iterations of inner loops.
+/// Checks if many loops together used up a call's limit of `rounds` iterations. Then `own`, the largest number of
+/// iterations of a single loop, is less than 1/16 of the limit, and the loops may still end. An endless loop around an
+/// inner loop of 15 iterations reaches this share, so Karat recognises it.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

@@ -215,7 +215,7 @@ pub(crate) trait Judge: Sync {
         false
     }
 
-    /// Translates a failing case's result into text, if the result is a code, such as the result of a test in WGSL.
+    /// Translates a failing case's result into text, if the result is an encoded report, as in a test in WGSL.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None
@@ -379,7 +379,7 @@ pub(crate) fn classify(actual: f64, expected: f64) -> Class {
     }
 }
 
-/// Judges a result. The judgement fails if a component is NaN or infinite.
+/// Judges a result. The result fails if a component is NaN or infinite.
 pub(crate) fn finite(scalars: &[Scalar], actual: &[u32]) -> Judged {
     let bad = scalars
         .iter()

@@ -82,7 +82,7 @@ pub enum AcceptError {
         /// The adapter that rendered the frame.
         adapter: String,
     },
-    /// The frame has NaN or infinite pixels. No frame could agree with such a golden.
+    /// The frame has NaN or infinite pixels. If this frame became the golden, no frame could agree with it.
     #[error(
         "`{0}` has NaN or infinite pixels, and no frame could agree with such a golden: fix the shader"
     )]
@@ -200,7 +200,8 @@ pub enum AcceptError {
         /// Size of the file in bytes.
         bytes: u64,
     },
-    /// The acceptance names a profile, but the pending file has values. Values have one golden for all profiles.
+    /// The acceptance names a profile, but the pending file contains values instead of a frame. Values have one golden
+    /// for all profiles.
     #[error(
         "the values `{0}` have one golden for all profiles: instead of --profile, give a path its own tolerance in the test (`.tolerance_on(...)`)"
     )]
@@ -307,8 +308,8 @@ impl Goldens {
     }
 
     /// Fails if the golden has changed since Karat compared the frame with the golden. `written` is the file that
-    /// accepting will write. Also fails if `written` is the profile's own golden, and this file was created after the
-    /// comparison.
+    /// the acceptance will write. Also fails if `written` is the profile's own golden, and this file was created after
+    /// the comparison.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());

@@ -46,7 +46,7 @@ pub struct Provenance {
     /// Facts that the author added, by name: the seed, the number of samples per pixel.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub facts: BTreeMap<String, String>,
-    /// The folder of the goldens with which a pending frame was compared, from the project's root.
+    /// The folder of the goldens with which a pending frame was compared, as a path from the project's root.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub folder: String,
     /// The Cargo package that contains `folder`. The name is empty if there is no package, or if an older Karat wrote

@@ -45,7 +45,7 @@ impl Alone {
         Self::rounding(probed, fixtures, Via::Direct)
     }
 
-    /// Lowers a kernel like `new`. `via` selects the arithmetic: ordinary, `cpu:fma` or `cpu:ftz`.
+    /// Lowers the kernel of a function for the arithmetic that `via` selects: ordinary, `cpu:fma` or `cpu:ftz`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -89,8 +89,8 @@ impl Alone {
         Self { fuel, ..self }
     }
 
-    /// For each word of the results, `true` if WGSL allows other values. Such a word depends on a derivative, or on a
-    /// read or a write outside of an array.
+    /// For each word of the results, `true` if the word depends on something that WGSL leaves open: a read or a write
+    /// outside of an array or a texture, a derivative, or the mip level of a sampled texture.
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {

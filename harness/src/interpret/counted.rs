@@ -104,7 +104,7 @@ impl Counted {
         }
     }
 
-    /// The position and the kind of the statement. Both are equal in all runs of the same source text.
+    /// The position and the kind of the statement. A statement has the same key in all runs of the same source text.
     #[must_use]
     pub fn key(&self) -> (PathBuf, [usize; 2], usize, CountedKind) {
         (self.file.clone(), self.lines, self.column, self.kind)
@@ -175,7 +175,8 @@ fn write(program: &Program, statements: Vec<Counted>) {
     append_line(&folder, ENDING, &serde_json::to_string(&ran).expect("it is plain data"));
 }
 
-/// The record for a statement. Returns `None` if no source file contains the statement.
+/// Makes the [`Counted`] of a statement. Returns `None` if the statement isn't code of the shader in a source file, for
+/// example if it is an assertion.
 fn counted(
     (program, fixed): (&Program, &[Range<usize>]),
     Statement { function, span, kind, needed, .. }: &Statement,
@@ -222,9 +223,9 @@ fn counted(
     Some(one)
 }
 
-/// Merges all records of one source statement. naga's IR may have several statements for one source statement, such as
-/// a value and its store. Of their counts, Karat keeps the largest. If a function is called at several places, the
-/// counts of these calls are added.
+/// Merges the counts of each source statement. naga's IR may have several statements for one source statement, such as
+/// a value and its store. Of their counts, Karat keeps the largest. If a function is called at several places, Karat
+/// adds the counts of these calls.
 fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
     let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
     for (call, one) in all {

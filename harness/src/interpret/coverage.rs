@@ -40,7 +40,7 @@ impl Seen {
     }
 }
 
-/// A line or a branch of an edit (a change of the shader) that no input reaches.
+/// A line or a branch that an edit of the shader added or removed, and that no input reaches.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Uncovered {
     /// `file:line:column`
@@ -187,8 +187,8 @@ impl Coverage {
         }
     }
 
-    /// The lines that no input reached, and the conditions that had one result for all inputs. Only operations that the
-    /// edit added count: their text occurs more often in this version than in the version `other`.
+    /// The new lines that no input reached, and the new conditions that had one result for all inputs. An operation is
+    /// new if its text occurs more often in this version than in the version `other`.
     pub fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
         let mut lines: Vec<Uncovered> = Vec::new();
         let mut known = None;
@@ -215,8 +215,8 @@ impl Coverage {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// Compares only the operations for which `is` returns `true`. Returns those whose text occurs more often in this
-    /// version than in `other`.
+    /// The operations for which `is` returns `true`, if this version has more such operations with the same text than
+    /// the version `other`.
     fn more_than<'r>(
         &'r self,
         other: &Self,

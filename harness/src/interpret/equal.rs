@@ -1,4 +1,4 @@
-//! Proves that two functions are equal, so that no test can distinguish them.
+//! Proves that two functions are equal: no test can distinguish equal functions.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};

@@ -101,7 +101,8 @@ const ROUNDS_SEEN: u64 = 256;
 struct Precision {
     /// A number with a relative error above this value has lost half of its digits.
     lost: f64,
-    /// An operand with a relative error of at most this value counts as precise, so a loss of digits has another cause.
+    /// The largest relative error of a precise operand. If all operands are precise, but the result has lost half of
+    /// its digits, then the operation itself is the cause.
     precise: f64,
     /// A difference that is smaller than this share of its operands consists only of their rounding errors.
     noise: f64,
@@ -144,15 +145,16 @@ const MOST_ROUNDS: u64 = 65_536;
 /// ends. Until then, the engine assumes in each iteration both that the loop ends and that it continues.
 const UNDECIDED: u64 = 16;
 
-/// A difference that is less than this share (2^-41) of its operands has fewer than 12 correct bits even in double
-/// precision, which rounds a number by up to 2^-53 of the number. 12 bits are half of the 24 bits of an `f32`.
+/// A difference that is smaller than this share (2^-41) of its operands has fewer than 12 correct bits, even in double
+/// precision. Double precision rounds an operand by up to 2^-53 of the operand, and 53 - 41 is 12. An `f32` has 24
+/// bits, so 12 bits are half of its digits.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An interval whose relative width is at most this number counts as one number. If all operands of an operation count
 /// as one number, and its result is unbounded, then the operation itself is the cause.
 const NARROW: f64 = 1.0 / 1024.0;
 
-/// One run of an operation, with the values in all lanes of a chunk.
+/// One run of an operation, with the values in all lanes that run together.
 struct Event<F> {
     site: usize,
     half: bool,
@@ -435,7 +437,7 @@ impl Interpreted {
         Ok(found)
     }
 
-    /// Checks if a case is still in a loop after `rounds` iterations, so that the loop may never end.
+    /// Checks if a case is still in a loop after `rounds` iterations. Such a loop may never end.
     pub fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
         let options = Options { fuel: rounds, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {

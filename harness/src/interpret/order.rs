@@ -16,9 +16,9 @@ pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
-/// In the backward orders, invocations may wait in loops for this number of turns before a waiting invocation gets the
-/// lowest priority. In a turn, an invocation runs up to its next atomic. With this number of turns, a loop that gives
-/// up after a thousand retries has enough turns to give up.
+/// The number of turns in which invocations may wait in loops, in orders where the last invocation runs first. After
+/// these turns, a waiting invocation gets the lowest priority. In a turn, an invocation runs up to its next atomic. A
+/// loop that gives up after a thousand retries gives up within these turns.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations in several passes.
@@ -41,9 +41,10 @@ impl OrderOf {
     }
 
     /// The sampled order with the index `number`. In order 0, the invocation with the lowest index runs first; in order
-    /// 1, the one with the highest index; in order 2, the invocations take turns. In later orders (by number,
-    /// backwards, or shuffled), one or two invocations of each pass that has atomics wait for a long time before one of
-    /// their atomics. In half of these later orders, other invocations may see an atomic store late.
+    /// 1, the one with the highest index; in order 2, the invocations take turns. Later orders run the
+    /// invocations by number, backwards, or shuffled. If a pass has atomics, one or two of its invocations then stall:
+    /// each of them waits for a long time before one of its atomics. In half of the later orders, other invocations may
+    /// see an atomic store late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {

@@ -26,7 +26,8 @@ const OTHERS: [Elsewhere; 7] = [
 ];
 const LEAST: usize = 3;
 
-/// Values that a read may return from generated contents, whose elements may be any number.
+/// Values that a read outside of an array may return if Karat generated the contents of the array. Such an array could
+/// contain any number.
 const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(0),
     Elsewhere::Number(47),

@@ -23,8 +23,8 @@ use crate::reflect::{BindingKind, Dimension, Program};
 /// this limit, the sanitizer runs only some workgroups, and then stops.
 const WHOLE: u64 = 1 << 16;
 
-/// The number of workgroups to run in a pass that is too large: the first one, the last one, and others that depend on
-/// the pass's name.
+/// The number of workgroups to run in a pass that is too large: the first one, the last one, and others that
+/// Karat chooses by a hash of the pass's name.
 const SOME: usize = 64;
 
 /// The engine's options for passes over generated resources. These options limit the iterations of loops, because a
@@ -34,7 +34,7 @@ pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
 
-/// Runs passes over generated resources like [`examine`], and also in sampled orders.
+/// Runs passes over generated resources in the orders of [`examine`] and in sampled orders, and returns the findings.
 pub fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
@@ -472,7 +472,7 @@ fn is_behind(first: &Access, second: &Access) -> bool {
     first.zip(second).is_some_and(|(first, second)| first.start >= second.end)
 }
 
-/// The path of the element at a byte offset of a variable, such as `[3].x`, and `words` as values of the element's
+/// The path (such as `[3].x`) of the element at a byte offset of a variable, and `words` as values of the element's
 /// type.
 fn element<const N: usize>(
     program: &Program,

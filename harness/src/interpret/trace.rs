@@ -126,7 +126,7 @@ impl Values {
         Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
     }
 
-    /// Checks if Karat records no further value of this site. `kept` is the number of recorded values of all sites.
+    /// Checks if Karat has recorded enough values of this site. `kept` is the number of recorded values of all sites.
     fn has_enough(&self, site: &Site, kept: usize) -> bool {
         let Some(most) = &self.most else { return kept >= 16 * MOST };
         let own = most.get(&std::ptr::from_ref(site).addr());

@@ -159,8 +159,8 @@ fn frame_tolerances_can_be_nested() {
     assert_eq!(error, "frame `room/ramp` can't be compared: the mask excludes all pixels");
 }
 
-/// Only the profile `gl-llvmpipe` uses its own golden. Karat accepts a profile's own golden only if the frame fails
-/// with the golden for all profiles.
+/// The golden of the profile `gl-llvmpipe` applies to this profile only. Karat accepts a profile's own golden only if
+/// the frame fails with the golden for all profiles.
 #[test]
 fn profiles_have_goldens_of_their_own() {
     let project = Project::with_golden();
