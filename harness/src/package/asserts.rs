@@ -287,7 +287,7 @@ mod tests {
         }
     }
 
-    /// Positions refer to the author's text, even if Karat replaces a print comment by code, and the name `N` by a value.
+    /// Positions refer to the author's text, even if Karat replaces a print comment by code, and `N` by a value.
     #[test]
     fn places_beside_a_print_comment_are_those_of_the_source() {
         let written = "N;\n//karat: print N + x\nN N\n";

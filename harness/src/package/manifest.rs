@@ -88,7 +88,7 @@ struct Written {
     values: BTreeMap<String, toml::Value>,
     /// A program and its arguments. Karat adds the path of a module's file, and the program prints the module as WGSL.
     preprocess: Option<Vec<String>>,
-    /// For each module, the other modules that a host joins to this module in one text.
+    /// For each module, the modules that the host joins to this module.
     #[serde(default)]
     join: BTreeMap<String, Vec<String>>,
     /// Known failures in the table of `karat matrix`, as `[[matrix]]`.
