@@ -48,8 +48,8 @@
 //! instead of panicking.
 //!
 //! The stable names are at the root, in [`prelude`] and in the modules. Only a new major version changes them.
-//! Other names are for programs that run or report tests: such a name is in [`unstable`], or its documentation says
-//! *Unstable*.
+//! Other names are for programs that run or report tests: such a name is in [`unstable`], or its documentation
+//! marks the name as *Unstable*.
 
 pub mod check;
 pub mod compute;

@@ -95,7 +95,7 @@ pub struct Package {
     features: Vec<(String, Feature)>,
     /// The names of modules, each with the additional features that are on when Karat validates the module.
     module_features: Vec<(String, Vec<String>)>,
-    /// `true` if the program requires Tint's verdict for this package. `karat.toml` may require it, too.
+    /// `true` after a call of `require_tint`. `karat.toml` can also require Tint's verdict.
     requires_tint: bool,
     /// Paths of files, each with the text that Karat reads instead of the file.
     unsaved: Vec<(PathBuf, Arc<str>)>,
@@ -520,7 +520,7 @@ impl Package {
         Ok(modules)
     }
 
-    /// The files beside the modules, sorted: declared tests, tables, images. For a folder, the list leaves out hidden
+    /// The files beside the modules, sorted: tests in TOML, tables, images. For a folder, the list leaves out hidden
     /// files and Cargo's build output. Karat enters each folder once, even if symbolic links lead to it again. For a
     /// package of one file, the list has the other files in that file's folder. For text in memory, the list is empty.
     ///

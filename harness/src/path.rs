@@ -143,7 +143,7 @@ pub enum PathError {
         /// Each path, with the reason why it doesn't open.
         reasons: Vec<String>,
     },
-    /// The executor runs no jobs.
+    /// The executor can't run jobs, for example because it doesn't implement `run`.
     #[error("the executor of path `{path}` can't run jobs")]
     NoJobs {
         /// The path.

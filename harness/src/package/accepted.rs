@@ -12,7 +12,7 @@ use super::inputs::Declaration;
 pub struct Hazards {
     /// The entries of `[inputs]`, by name.
     pub inputs: BTreeMap<String, Declaration>,
-    /// The values of WGSL's `override`s, by name. Each function that uses the `override` gets its value.
+    /// The values of WGSL's `override`s, by name. A value applies to all functions that use the `override`.
     pub overrides: BTreeMap<String, f64>,
     /// The entries of `[[hazard]]`.
     pub accepted: Vec<AcceptedHazard>,

@@ -13,7 +13,7 @@ pub(crate) const ASSERTED: &str = "karat_assert_";
 pub(crate) const PRINTED: &str = "karat_print_";
 
 /// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The variable
-/// stores the expression's value, and the `let` loads it. So even a bare name, such as `x`, has its own store and load.
+/// stores the expression's value, even if the expression is only a name such as `x`, and the `let` loads this value.
 pub(crate) const HOLDER: &str = "karat_value_";
 
 /// The first text in a comment with an assertion or a print.
@@ -287,7 +287,7 @@ mod tests {
         }
     }
 
-    /// If Karat replaces a print and the values of features in a text, positions still refer to the author's text.
+    /// Positions refer to the author's text, even if Karat replaces a print comment by code, and `N` by a value.
     #[test]
     fn places_beside_a_print_comment_are_those_of_the_source() {
         let written = "N;\n//karat: print N + x\nN N\n";

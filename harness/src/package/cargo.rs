@@ -51,8 +51,8 @@ pub(super) struct Crate {
     folder: PathBuf,
     /// The folder whose files are the modules.
     root: PathBuf,
-    /// The dependencies of this crate that have shaders: the name that this crate uses, and the index in the graph's
-    /// crates.
+    /// The dependencies of this crate that have shaders, by the names under which this crate imports them. Each value
+    /// is an index in the graph's list of crates.
     dependencies: BTreeMap<String, usize>,
     /// The packages that the crate's shaders import. The crate's metadata for wgsl-analyzer declares these packages.
     imports: BTreeSet<String>,

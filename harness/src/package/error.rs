@@ -196,7 +196,7 @@ pub enum PackageError {
         /// The reason.
         reason: &'static str,
     },
-    /// The overlay can't replace modules of the package.
+    /// The folder in `KARAT_OVERLAY` can't replace modules of the package.
     #[error("the overlay `{folder}` (KARAT_OVERLAY) {reason}")]
     Overlay {
         /// The folder.

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `roughness` | each argument and member of this name |
 //! | `params.groups` | a member of a variable or an argument |
-//! | `"scan::main.groups"` | this member, but only in the function `scan::main` |
+//! | `"scan::main.groups"` | the argument or member `groups`, but only in the function `scan::main` |
 //! | `"length(data)"` | the number of elements of a runtime-sized array |
 //! | `"workgroups(scan::main)"` | the total number of workgroups of a pass |
 //!

@@ -53,9 +53,9 @@ pub(super) struct Library {
     there: RefCell<BTreeMap<ModulePath, bool>>,
     /// The folders that Karat has looked up. The value is `true` if the folder exists.
     folders: RefCell<BTreeMap<PathBuf, bool>>,
-    /// The names that the linked module defines. `guards` has the names that the linked module defines only if nothing
-    /// else defines them.
+    /// The names that the linked module defines.
     defined: RefCell<Features>,
+    /// The names that the linked module defines only if nothing else defines them.
     guards: RefCell<Features>,
     /// Modules by the paths that they declare for themselves.
     composed: OnceCell<BTreeMap<String, Vec<ModulePath>>>,

@@ -20,7 +20,7 @@ use crate::diagnostic::{SourceFile, nearest};
 impl Package {
     /// Makes one new package from each of the `texts`. The new package's only module has the name `module`. The new
     /// package imports this package as `name`, and has the features in `set`. Each new module begins with the
-    /// `#define`s in `text`, which is the text of the module `module` in this package.
+    /// `#define`s of this package's module with the same name, whose text is `text`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,
@@ -48,7 +48,7 @@ impl Package {
     }
 
     /// Links one declaration with everything that it needs from any module, and nothing else. An entry point
-    /// becomes a function. `discards` decides what an invocation does at a `discard`.
+    /// loses its attributes, so that a kernel can call it. `discards` decides what an invocation does at a `discard`.
     pub(crate) fn link(&self, path: &str, discards: Discards) -> Result<Linked, PackageError> {
         let (module, item) = path.rsplit_once("::").unwrap_or(("", path));
         self.link_closure(module, &[item], Some((item, discards)))

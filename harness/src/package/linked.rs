@@ -49,7 +49,7 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
 /// The prefix of names in generated kernels.
 pub(crate) const KERNEL_PREFIX: &str = "karat_";
 
-/// Returns the text for naga. Blanks replace the tokens that naga doesn't know.
+/// Replaces the tokens that naga doesn't know by blanks.
 pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
     let unknown = unknown_to_naga(text);
     if unknown.is_empty() {
@@ -103,7 +103,7 @@ pub(crate) struct Linked {
     /// `true` if the text has everything that the file declares, except tests. If the whole text is valid, then the
     /// file is also valid.
     pub(crate) whole: bool,
-    /// The entry point that became a function.
+    /// The linked function, if it is an entry point in the author's code.
     pub(crate) called: Option<EntryPoint>,
     /// For a function with `discard`: its name in the text, and the name of the generated function that Karat calls
     /// instead.

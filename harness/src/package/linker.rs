@@ -31,7 +31,6 @@ pub(super) struct Linker<'a> {
     library: &'a Library,
     root: ModulePath,
     parts: BTreeMap<ModulePath, Part>,
-    /// The references to declarations in each module.
     uses: BTreeMap<ModulePath, Uses>,
     /// The declarations to which each declaration refers. The keys are only the declarations that the linker has
     /// resolved so far.

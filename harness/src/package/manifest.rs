@@ -34,7 +34,7 @@ pub(super) struct Manifest {
     pub(super) set_by_engine: BTreeSet<String>,
     /// Texts that replace placeholders.
     values: Values,
-    /// A program with its arguments, which prints a module as WGSL. The path of the module's file is the last
+    /// A program and its arguments. The program prints a module as WGSL. The path of the module's file is the last
     /// argument. The program runs in the folder of the modules.
     preprocess: Vec<String>,
     /// For each module, the other modules that the author's program concatenates with this module.
@@ -62,8 +62,8 @@ struct Dependency {
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
-    /// A copy of the entry that has only one module's functions, without the module's path in their names. `None` if
-    /// the entry has no function of this module.
+    /// Keeps only the functions of one module, and removes the module's path from their names. Returns `None` if the
+    /// entry has no function of this module.
     fn of_module(self, module: &str) -> Option<Self> {
         let own = |row: String| match row.contains("::") {
             true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),
@@ -86,12 +86,12 @@ struct Written {
     /// Values that replace placeholders or names in the shaders, as the host does before it compiles the shaders.
     #[serde(default)]
     values: BTreeMap<String, toml::Value>,
-    /// A program, with its arguments, that prints a module from its file.
+    /// A program and its arguments. Karat adds the path of a module's file, and the program prints the module as WGSL.
     preprocess: Option<Vec<String>>,
-    /// Modules that a host joins into one text, in their order.
+    /// For each module, the modules that the host joins to this module.
     #[serde(default)]
     join: BTreeMap<String, Vec<String>>,
-    /// Rows of `karat matrix` that don't reach a status, as `[[matrix]]`.
+    /// Known failures in the table of `karat matrix`, as `[[matrix]]`.
     #[serde(default)]
     matrix: Vec<KnownRows>,
     /// Ranges of arguments and variables, by name: `{ roughness = "0..1" }`.
@@ -558,8 +558,8 @@ impl Manifest {
         !self.preprocess.is_empty() || !self.values.is_empty()
     }
 
-    /// A module's text with assertions and values: the file's text or the output of `preprocess`, in which Karat
-    /// replaces placeholders. For the same text, a process runs `preprocess` once, until
+    /// Reads a file's text or the output of `preprocess`, and replaces assertions by code, and placeholders by values.
+    /// For the same text, a process runs `preprocess` once, until
     /// [`refresh`](workspace::refresh) forgets the output.
     pub(super) fn expanded(
         &self,

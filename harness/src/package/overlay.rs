@@ -1,9 +1,9 @@
 //! Reads other files in place of modules. So you can try a change without editing the sources, or plant a fault
 //! that a test must catch.
 //!
-//! `KARAT_OVERLAY` names a folder. If `KARAT_OVERLAY` names a folder, Karat reads each file in the folder in place of
-//! the module with the same path in a package. If several packages have a module with this path, the path begins with
-//! the package's name (`shaders/math.wgsl`). Files never replace modules in memory.
+//! If `KARAT_OVERLAY` names a folder, Karat reads each file in the folder in place of the module with the same path in
+//! a package. If several packages have a module with this path, put the file into a subfolder with the package's name
+//! (`shaders/math.wgsl`). Files never replace modules in memory.
 //!
 //! An editor has texts that aren't saved yet. Karat reads the texts from [`Package::unsaved`] in place of their
 //! files.
@@ -184,8 +184,8 @@ impl Package {
         if self.unsaved.is_empty() { None } else { known(place()).map(|(_, text)| &**text) }
     }
 
-    /// The module file of this package that an overlay's file with the path `file` replaces; `None` if there is no such
-    /// file.
+    /// Finds the module file that an overlay's file replaces in this package. `file` is the path in the overlay.
+    /// Returns `None` if the overlay's file replaces no module of this package.
     fn holds(&self, file: &Path) -> Option<PathBuf> {
         let within = [Some(file), file.strip_prefix(self.name()).ok()];
         let here = within.into_iter().flatten().map(|file| self.at(file));

@@ -74,8 +74,9 @@ fn tell_places(module: &mut Module) {
 struct Attribute {
     /// The tokens from `@` to the closing `)`.
     tokens: std::ops::Range<usize>,
-    /// The attribute's name: `test`, `cases`, `over`. For `@over`, `parameter` is the index of the test's parameter.
+    /// The attribute's name: `test`, `cases`, `over`.
     name: String,
+    /// The index of the test's parameter with this `@over`; `None` for `@test` and `@cases`.
     parameter: Option<usize>,
 }
 
@@ -125,8 +126,8 @@ pub(crate) struct TestItem {
     pub(crate) cases: Option<u64>,
     /// For each parameter with `@over`, the words and numbers of its domain.
     pub(crate) over: Vec<Option<(Vec<String>, Span)>>,
-    /// The name and the type of each parameter in the author's text; `None` if a type isn't one of WGSL's own types,
-    /// because its name may mean another type in other modules.
+    /// The name and the type of each parameter in the author's text. `None` if a parameter's type isn't WGSL's own: in
+    /// another module, the type's name could mean another type.
     pub(crate) parameters: Option<Vec<(String, String)>>,
 }
 
@@ -223,8 +224,8 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     Ok(TestItem { name, span: span(&test.tokens), cases, over, parameters })
 }
 
-/// The parameters between two brackets; `None` if a type isn't one of WGSL's own types, because its name may mean
-/// another type in other modules.
+/// The parameters between two brackets. Returns `None` if a parameter's type isn't WGSL's own: in another module, the
+/// type's name could mean another type.
 fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String, String)>> {
     let all = module.bytes(&(open..close + 1));
     let is_shared = !module.includes.is_empty();

@@ -168,7 +168,8 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// Checks if a name before a colon is a structure's member or belongs to a `case`. A parameter is in parentheses.
+/// Checks if a name before a colon is a structure's member or belongs to a `case`. If the name is in
+/// parentheses, it is a parameter, and the result is `false`.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {
@@ -183,7 +184,8 @@ fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     true
 }
 
-/// Checks if a bare name must stay: the name is in a declaration, path, condition, directive or import.
+/// Checks if Karat keeps a bare name instead of replacing it by a value: the name is in a declaration, path,
+/// condition, directive or import.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     let before = at.checked_sub(1).map_or("", of);

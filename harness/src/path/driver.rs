@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// The adapter and driver of an opened path, as verdicts report it.
+/// The adapter and driver of an opened path, as verdicts report them.
 ///
 /// ```
 /// use karat::unstable::path::Adapter;

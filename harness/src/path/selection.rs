@@ -183,8 +183,8 @@ pub fn programs() -> Result<Vec<Path>, PathError> {
 /// The word in a list that stands for all paths of [`Path::ALL`] that open on this machine.
 const ALL: &str = "all";
 
-/// Returns the paths in a list, without the word `all`, which `KARAT_REQUIRE` can't contain. Each path may occur only
-/// once.
+/// Returns the paths that a list names. Skips the word `all`, except in `KARAT_REQUIRE`, where `all` is an error. Each
+/// path may occur only once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
     let (mut paths, mut all) = (Vec::new(), false);
