@@ -9,8 +9,8 @@
 //! | a runtime-sized array | `{ size = 256 }`, whose elements are zeros; `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
 //! | a buffer | a number, a list, or a table of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
-//! A pass may read a buffer that has only a `size` before any pass writes the buffer. The last line of a run counts the
-//! checks in which this happens.
+//! If a buffer has a `size` but no `value` or `range`, and a pass reads the buffer before any pass writes it, the last
+//! line of the run counts this check.
 //!
 //! A depth texture takes its texels from the red channel of an image. A PNG has colours in sRGB. Karat converts them to
 //! linear colours, as textures with an sRGB format do; `"normals.png linear"` prevents that. Depths and integers are
