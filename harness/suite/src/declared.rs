@@ -75,9 +75,9 @@
 //! | `written = true` | the invocations write each element of the buffer, or each texel of the texture |
 //! | `in_range = [0, 1]`, `finite = true` | each component is in the range; each component is finite |
 //!
-//! The key `no_hazards = true` of a `[[compute]]` asserts that no operation in the passes has a hazard, such as NaN or a
-//! division by 0. A list of kinds, such as `no_hazards = ["nan"]`, asserts this only for these kinds. Without a `tolerance`, numbers are compared exactly. The
-//! sanitizer checks the passes of each test.
+//! The key `no_hazards = true` of a `[[compute]]` asserts that no operation in the passes has a hazard, such as NaN or
+//! a division by 0. A list of kinds, such as `no_hazards = ["nan"]`, asserts this only for these kinds. Without a
+//! `tolerance`, numbers are compared exactly. The sanitizer checks the passes of each test.
 
 use std::collections::BTreeMap;
 use std::fmt;
