@@ -747,8 +747,8 @@ fn the_syntax_of_naga_oil_is_accepted() {
 }
 
 /// Old shaders of Bevy use this syntax of the first `naga_oil`: imported names after a blank, imports of a name that
-/// the module declares itself, and unused imports of missing modules. Two files may also have the same path, if only
-/// one of them declares the imported name.
+/// the module declares itself, and unused imports of missing modules. Two files may also have the same
+/// `#define_import_path`, if only one of them declares the imported name.
 // Lesson 36
 #[test]
 fn the_first_import_syntax_of_naga_oil_is_accepted() {

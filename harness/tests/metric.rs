@@ -250,7 +250,7 @@ fn a_part_of_the_map_is_that_of_the_whole() {
     }
 }
 
-/// FLIP doesn't see differences in alpha, in negative values, and in pixels so bright that they are white at each of
+/// FLIP misses differences in alpha, in negative values, and in pixels so bright that they are white at each of
 /// the golden's exposures. Karat reports these differences.
 #[test]
 fn differences_that_flip_misses_fail() {

@@ -220,8 +220,8 @@ fn litmus(first: &str, second: &str, workgroups: u32) -> String {
     )
 }
 
-/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). With relaxed atomics, WGSL allows
-/// outcomes that sequentially consistent atomics have in no order. Karat finds these outcomes, with one exception: the
+/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). WGSL's atomics are relaxed: they allow
+/// outcomes that no order of sequentially consistent atomics has. Karat finds these outcomes, with one exception: the
 /// outcome that needs a store to take effect before an earlier load.
 // Lesson 217
 #[test]

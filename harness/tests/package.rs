@@ -67,8 +67,8 @@ fn imports_are_followed_through_modules_and_packages() {
     assert!(!kernel.contains("square"), "{kernel}");
 }
 
-/// A test names a function of a dependency like an import: `shaders::pbr::f`. If the package itself has a function of
-/// this name, the test calls the package's own function.
+/// A test names a function of a dependency by its import path: `shaders::pbr::f`. If the package itself has a function
+/// of this name, the test calls the package's own function.
 #[test]
 fn a_function_agrees_with_one_of_another_package() {
     let shaders = |factor: &str| {

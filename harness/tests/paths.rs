@@ -65,8 +65,9 @@ struct Fake {
 /// A compiled function of the executor [`Fake`].
 struct Ready {
     name: String,
-    /// The number of `u32`s in the arguments of a case. `words` is the number of `u32`s in its result.
+    /// The number of `u32`s in the arguments of a case.
     width: usize,
+    /// The number of `u32`s in the result of a case.
     words: usize,
     fault: Fault,
     path: Path,

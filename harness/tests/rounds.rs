@@ -75,7 +75,7 @@ fn rounds_of_all_loops_of_an_invocation_are_added() {
 }
 
 /// The driver counts an iteration for a loop each time that the code around the loop runs, even if no case enters the
-/// loop. So the driver reaches its limit earlier, and leaves the loops that a case does enter after fewer iterations.
+/// loop. So the driver reaches its limit earlier, and leaves other loops after fewer iterations.
 // Lesson 55
 #[test]
 fn loops_that_are_never_entered_count() {

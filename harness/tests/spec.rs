@@ -60,7 +60,7 @@ struct Driver {
 #[derive(Debug)]
 struct Ready {
     factor: f32,
-    /// The text of the kernel. The text shows which value the driver must compute: the result of `f`, or one of its
+    /// The text of the kernel, which names the value that the driver must compute: the result of `f`, or one of its
     /// `let`s.
     name: String,
 }
@@ -154,7 +154,7 @@ fn where_wgsl_allows_too_much_another_tolerance_holds() {
     check(coarse, |x| 9.0 * x * x, Spec.needing(Rel(0.5))).expect("it is that close");
 }
 
-/// A check is an error if WGSL's accuracy gives `Spec` no bound for any of the cases.
+/// A check with `Spec` reports an error if WGSL gives no bound in any of the cases.
 // Lesson 90
 #[test]
 fn a_specification_that_judges_nothing_is_an_error() {

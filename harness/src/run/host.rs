@@ -5,8 +5,9 @@ use std::sync::OnceLock;
 
 /// The description of a program that runs tests without Cargo.
 ///
-/// Cargo passes this information to test programs through environment variables, and through the path of the program.
-/// Any other program must call [`host`] before the first test, and must name each test's thread after the test.
+/// For a test program that Cargo runs, Karat derives the command and the folders from environment variables and from
+/// the program's path. Any other program must call [`host`] before the first test, and must name each test's thread
+/// after the test.
 #[derive(Clone, Debug)]
 pub struct Host {
     /// The words of the command that runs one test, such as `karat test shaders --exact`. Karat appends the test's
@@ -22,7 +23,7 @@ pub struct Host {
 
 static HOST: OnceLock<Host> = OnceLock::new();
 
-/// Describes the program that runs the tests of this process. A second call has no effect.
+/// Tells Karat which program runs the tests of this process. A second call has no effect.
 pub fn host(host: Host) {
     crate::golden::leave_in(host.output.clone());
     drop(HOST.set(host));

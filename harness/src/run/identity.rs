@@ -27,8 +27,8 @@ pub enum NotBegun {
 pub(crate) struct Identity {
     /// The test's name, with its module path inside the test binary.
     pub(crate) test: String,
-    /// The verb of the check. If the test checks a function again with the same verb, the name is
-    /// `agrees_with#2`. Seeds, replay commands and the file of failing inputs use this name.
+    /// The name of the check: its verb, or `agrees_with#2` if it is the test's second check of a function with this
+    /// verb. Seeds, replay commands and the file of failing inputs use this name.
     pub(crate) check: String,
     settings: &'static Settings,
 }
@@ -42,8 +42,8 @@ pub(crate) struct Replayed<'a> {
 }
 
 impl Identity {
-    /// Begins a check of the running test. Numbers the checks of one function with the same verb, in the order
-    /// in which they run.
+    /// Begins a check of the running test. A second check of the same function with the same verb gets a number:
+    /// `agrees_with#2`.
     pub(crate) fn of(function: &str, verb: &str) -> Result<Self, NotBegun> {
         thread_local! {
             static SEEN: RefCell<HashMap<String, u32>> = RefCell::default();
@@ -208,8 +208,8 @@ pub(crate) fn leave_frame_out() {
     crate::record::leave_out(&test());
 }
 
-/// The name of the running test. Test runners name a test's thread after the test. A program without tests runs
-/// on the thread `main`.
+/// The name of the running test. Test runners name a test's thread after the test. In a program without
+/// tests, the name is `main`.
 pub(crate) fn test() -> String {
     output::name(&test_as_named()).into_owned()
 }
@@ -218,8 +218,8 @@ fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }
 
-/// Returns Cargo's options that select the target of a test binary. The binary's path names the target:
-/// `target/debug/deps/fresnel-1a2b...` is `--test fresnel`.
+/// Returns Cargo's options that select the target of a test binary. The binary's path contains the
+/// target's name: for `target/debug/deps/fresnel-1a2b...`, the options are `--test fresnel`.
 fn target(exe: &FilePath, package: &str) -> Vec<String> {
     let stem = exe.file_stem().unwrap_or_default().to_string_lossy();
     let name = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);

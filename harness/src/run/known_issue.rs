@@ -188,8 +188,7 @@ impl KnownIssues {
     /// - `fails_on` declares wrong values. At least one value on the path must be wrong, unless a replay selects a
     ///   single case. NaN and infinities count as values.
     /// - `refused_on` declares that a path refuses the program before any part of the program runs.
-    /// - If a path stops for any other reason, that is an error even with a declaration, because the path has
-    ///   no values.
+    /// - If a path stops for a reason other than a refusal, the check fails even if the path has a declaration.
     ///
     /// Adds the record of each path to `records`.
     pub(crate) fn conclude<V, E: Stop>(
@@ -382,8 +381,8 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Blames the shader's text if one of the failures blames the text. Otherwise blames the setting in the first failure
-/// about a setting.
+/// Blames the shader's text if one of the failures blames the text. Otherwise takes the blame of the
+/// first failure that blames a setting or an entry point.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);

@@ -1,10 +1,9 @@
 //! A file that stores the inputs on which a test has failed. The test's next runs try these inputs first.
 //!
-//! The file is `.karat/failures/<target>/<test>.txt`, beside the package's `Cargo.toml`. It has one line for
-//! each input. An input stays in the file even after it passes, until you delete the file. If the function or
-//! the domain no longer accepts an input, Karat ignores the input and prints a note. `KARAT_FAILURES=off` turns
-//! this memory off. In CI, and if `KARAT_OVERLAY` is set, Karat reads the files but doesn't write
-//! them.
+//! The file is `.karat/failures/<target>/<test>.txt`, beside the package's `Cargo.toml`. It has one line for each
+//! input. An input stays in the file even after it passes, until you delete the file. If the function or the domain no
+//! longer accepts an input, Karat ignores the input and prints a note. With `KARAT_FAILURES=off`, Karat neither reads
+//! nor writes the file. In CI, and if `KARAT_OVERLAY` is set, Karat reads the file but doesn't write it.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

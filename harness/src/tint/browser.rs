@@ -90,7 +90,7 @@ impl Page {
         Ok(page)
     }
 
-    /// Waits until the page shows the file, and so has WebGPU. Stops waiting after [`LOADING`].
+    /// Waits until the page shows the file. Before that, the page has no WebGPU. Stops waiting after [`LOADING`].
     fn load(&mut self, patience: Duration) -> Result<(), NoVerdict> {
         let until = Instant::now() + LOADING;
         while Instant::now() < until {

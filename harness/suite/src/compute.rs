@@ -769,8 +769,8 @@ fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     Some(Broken { failures: wrong.len(), first: Some(first) })
 }
 
-/// The first element that occurs more often in `is` than in `was`. If there is none, an element of `was` that `is`
-/// lacks.
+/// The first element that occurs more often in `is` than in `was`. If there is none, an element of `was` that is
+/// missing from `is`.
 fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let mut left: HashMap<&[u32], i64> = HashMap::new();

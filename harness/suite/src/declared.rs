@@ -75,9 +75,9 @@
 //! | `written = true` | the invocations write each element of the buffer, or each texel of the texture |
 //! | `in_range = [0, 1]`, `finite = true` | each component is in the range; each component is finite |
 //!
-//! Beside `entry`, `no_hazards = true` asserts that no operation in the passes has a hazard, such as NaN or a division
-//! by 0. A list asserts this for some kinds of hazards. Without a `tolerance`, numbers are compared exactly. The
-//! sanitizer checks the passes of each test.
+//! The key `no_hazards = true` of a `[[compute]]` asserts that no operation in the passes has a hazard, such as NaN or
+//! a division by 0. A list of kinds, such as `no_hazards = ["nan"]`, asserts this only for these kinds. Without a
+//! `tolerance`, numbers are compared exactly. The sanitizer checks the passes of each test.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -372,8 +372,8 @@ impl Keys {
         self.0.get(key)
     }
 
-    /// The position of a key, or of the innermost key that contains it: `draws.1.blend` is in `draws.1`, which is in
-    /// `draws`.
+    /// The position of a key. If the file doesn't contain the key, the position of the innermost table around the key:
+    /// for `draws.1.blend`, the position of `draws.1`, or otherwise of `draws`.
     pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
         self.0.get(key).or_else(|| self.place_of(key.rsplit_once('.')?.0))
     }

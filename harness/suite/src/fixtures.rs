@@ -4,10 +4,13 @@
 //! |---|---|
 //! | a 2D texture | `"image.exr"` or `"image.png"`; the value of all texels: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, whose texels are zeros, copies of a `value`, or samples from a `range` with a `seed` |
 //! | a texture array, a 3D texture, a cube map | a list of images or colours for its layers, slices or faces; or the value of all texels |
-//! | a cube map of floats | the values of other cube maps, or `"equirectangular.exr"` |
+//! | a cube map of floats | a value from the line above, or one image, `"equirectangular.exr"` |
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; for a comparison sampler `"linear less_equal"` |
-//! | a runtime-sized array | `{ size = 256 }`, whose elements are zeros (the last line of a run counts the checks in which a pass reads such a buffer before any pass writes it); `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
+//! | a runtime-sized array | `{ size = 256 }`, whose elements are zeros; `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
 //! | a buffer | a number, a list, or a table of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
+//!
+//! If a buffer has a `size` but no `value` or `range`, and a pass reads the buffer before any pass writes it, the last
+//! line of the run counts this check.
 //!
 //! A depth texture takes its texels from the red channel of an image. A PNG has colours in sRGB. Karat converts them to
 //! linear colours, as textures with an sRGB format do; `"normals.png linear"` prevents that. Depths and integers are

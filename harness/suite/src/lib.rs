@@ -144,8 +144,8 @@ pub struct Broken {
     /// The error, with its position.
     pub wrong: Wrong,
     /// `true` for an error in a test file, or in a file that its author probably meant as a test file. Such an error is
-    /// a failure in any package. A module with an error, in contrast, may be valid together with modules of other
-    /// packages.
+    /// a failure in any package. For an error in a module, this is `false`, because some modules are valid only
+    /// together with modules of other packages.
     pub is_file: bool,
 }
 

@@ -13,8 +13,8 @@ use crate::{Kind, Suite, Test};
 
 impl Suite {
     /// The text of everything on which a test's verdict depends: shaders without comments and blanks, the declaration,
-    /// and the files. The driver isn't in this text. `None` if Karat can't determine all of this, for example if a
-    /// shader is invalid.
+    /// and the files. The driver isn't in this text. `None` if Karat can't make the text, for example if a shader is
+    /// invalid.
     #[must_use]
     pub fn normalized_text(&self, test: &Test) -> Option<String> {
         match &test.kind {

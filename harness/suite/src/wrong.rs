@@ -171,7 +171,7 @@ impl Misdeclared {
         move |message| Self { key: Some(format!("with.{name}")), message, place: None }
     }
 
-    /// Prefixes the error's key with `key`, the table that contains the error's key.
+    /// Puts `key` before the error's key: below `draws.1`, the key `blend` becomes `draws.1.blend`.
     pub(crate) fn below(self, key: &str) -> Self {
         let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));
         Self { key: Some(key), ..self }
