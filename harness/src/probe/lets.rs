@@ -26,8 +26,8 @@ pub struct Let {
     pub probed: Option<Probed>,
 }
 
-/// The largest number of bindings of a function that get a probe. Karat runs each probe on the
-/// failing path and on its own engine.
+/// The largest number of bindings of a function that get a probe. To compare two paths, Karat
+/// compiles each probe for both paths.
 const MOST: usize = 48;
 
 /// The let-bindings of a function, in the order of the text.

@@ -99,8 +99,7 @@ impl Dependence {
     }
 
     /// Checks if an edit of a declaration could change the program. Returns `false` if the program surely lacks the
-    /// declaration.
-    /// `path` is the declaration's path, such as `brdf::schlick`, or the end of the path.
+    /// declaration. `path` is the declaration's path, such as `brdf::schlick`, or the end of the path.
     #[must_use]
     pub fn may_declare(&self, path: &str) -> bool {
         let is_it = |own: &String| format!("::{own}").ends_with(&format!("::{path}"));

@@ -16,7 +16,7 @@ pub struct Literals {
 }
 
 impl Literals {
-    /// The maximum length of [`floats`](Self::floats) and of [`wholes`](Self::wholes) for one program. Karat also tries both neighbours of each
+    /// The maximum length of `floats`, and of `wholes`, for one program. Karat also tries both neighbours of each
     /// literal.
     const MOST: usize = 16;
 
