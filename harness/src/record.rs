@@ -1,9 +1,9 @@
 //! The verdicts of a run as data: one line of JSON per verdict.
 //!
 //! Each process of a run appends its verdicts to its own file in the folder that `KARAT_RECORD` names. The command that
-//! started the run reads all of these files. Without the variable, Karat writes nothing. A command that starts a run
-//! creates a folder for the run's records ([`Running`]). When the run ends, the command writes `run.json`, which says
-//! which tests ran and whether they passed ([`Run`]).
+//! started the run reads all of these files. If `KARAT_RECORD` isn't set, Karat writes nothing. A command that starts a
+//! run creates a folder for the run's records ([`Running`]). When the run ends, the command writes `run.json`, which
+//! says which tests ran and whether they passed ([`Run`]).
 
 mod details;
 mod errors;
@@ -40,9 +40,10 @@ pub const SCHEMA: u32 = 5;
 pub enum Verdict {
     /// Every case passes on every path.
     Pass,
-    /// At least one path fails as declared by `fails_on`. On all other paths, every case passes.
+    /// At least one path fails, and each failing path is a declared known issue. On all other paths, every case passes.
     KnownIssue,
-    /// At least one case fails.
+    /// A module isn't valid, a case fails on a path without a declared known issue, or a declared known issue no longer
+    /// occurs.
     Fail,
     /// Karat couldn't run the check, or couldn't compare any case.
     Error,
@@ -69,11 +70,11 @@ pub struct Record {
     /// The failure or error as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub details: Option<Details>,
-    /// How much of the compute passes the sanitizer examined; `None` if the check has no passes.
+    /// The part of the compute passes that the sanitizer examined; `None` if the check has no passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watched: Option<Watched>,
-    /// The folder in which files replaced modules (`KARAT_OVERLAY`). The verdict is then about the shaders with these
-    /// files, and not about the package itself. `None` without an overlay.
+    /// The folder whose files replaced modules of the package (`KARAT_OVERLAY`). The verdict is then about the shaders
+    /// with these files, and not about the package itself. `None` without an overlay.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
     /// The files on which the verdict depends, each once: modules, goldens, and the images of fixtures, masks and
@@ -134,8 +135,8 @@ pub enum Subject {
         assertion: String,
         /// `file:line:column` of the function; empty if Karat didn't find it.
         location: String,
-        /// The domains of the arguments as text, such as `x from 0 to 1`; empty for domains of other types than
-        /// `Dynamic`.
+        /// The domains of the arguments as text, such as `x from 0 to 1`; empty for a domain in Rust
+        /// code.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         domain: String,
         /// Seed of the cases.
@@ -635,7 +636,7 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 }
 
 impl Record {
-    /// Replaces characters that some report formats can't represent, in the record's names. Karat never writes such
+    /// In the record's names, replaces the characters that some report formats can't represent. Karat never writes such
     /// characters, but another program may have written the record.
     fn named(mut self) -> Self {
         let mut names = vec![&mut self.test, &mut self.cargo_package];

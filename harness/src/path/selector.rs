@@ -23,7 +23,7 @@ use super::{Adapter, Path, PathError};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selector {
     text: String,
-    /// The API, the route and the driver in the text. `None` if the text isn't a valid selector.
+    /// The API, the route and the driver that `text` names. `None` if `text` isn't a valid selector.
     parts: Option<Parts>,
 }
 
@@ -49,7 +49,7 @@ impl fmt::Display for Selector {
 }
 
 impl Selector {
-    /// Checks if Karat knows the API, the route and the driver in the text.
+    /// Checks if Karat knows the API, the route and the driver that the selector names.
     ///
     /// ```
     /// use karat::path::Selector;
@@ -64,7 +64,7 @@ impl Selector {
         self.parts.is_some()
     }
 
-    /// Returns an error if the text isn't a path.
+    /// Returns an error if the text isn't a valid selector.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         match self.parts {
             Some(_) => Ok(()),
@@ -128,7 +128,7 @@ impl<T> Selected<T> {
         fitting.max_by_key(|(named, _)| *named).map(|(_, value)| value)
     }
 
-    /// Returns an error if a selector's text isn't a path.
+    /// Returns an error if the text of a selector isn't valid.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         self.iter().try_for_each(|(selector, _)| selector.expect_sound())
     }

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-/// Files that tell Vulkan's loader where a browser's SwiftShader is, as Linux distributions install them.
+/// Paths at which Linux distributions install the Vulkan manifest of a browser's SwiftShader. The manifest tells
+/// Vulkan's loader where SwiftShader is.
 const MANIFESTS: [&str; 5] = [
     "/usr/lib/chromium/vk_swiftshader_icd.json",
     "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",

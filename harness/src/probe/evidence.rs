@@ -84,8 +84,8 @@ impl Evidence {
         places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
-    /// Returns an error if the kernel never wrote a word. Such a word is [`WORD`] after the first run, but has another
-    /// value after the second run, which started with the poison [`OTHER`].
+    /// Returns an error if the kernel left a word of the results unwritten. Such a word is [`WORD`] after the first
+    /// run, but has another value after the second run, which started with the poison [`OTHER`].
     pub(crate) fn expect_written(
         &self,
         words: &[u32],

@@ -19,7 +19,7 @@ pub(crate) const UNIFORM_WORDS: usize = 4096;
 pub(crate) const CONSTANTS: usize = 64;
 
 /// The number of calls in a kernel with constants. The time to compile a kernel grows faster than its number of calls.
-/// Also, wgpu's GL panics if a thread waits longer than six seconds for another thread.
+/// Also, a long compilation can cause a panic on GL: wgpu panics if another thread waits six seconds for GL.
 const CALLS: usize = 16;
 
 pub(crate) const RESULTS: &str = "karat_out";
@@ -47,7 +47,7 @@ pub struct Kernel {
     /// The source of the arguments. If the arguments are constants, `text` has no calls, and
     /// [`of_constants`](Self::of_constants) writes a text with the calls for a batch.
     pub(super) inputs: Inputs,
-    /// `true` if each case may have to run in a separate vector of the processor. See [`rounds`](super::rounds).
+    /// `true` if the kernel can run each case in a separate vector of the processor. See [`rounds`](super::rounds).
     pub(super) apart: bool,
     /// The number of loop counters, if the kernel returns counters instead of results.
     counted: Option<usize>,
@@ -102,7 +102,7 @@ impl Kernel {
     }
 
     /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. Use this
-    /// kernel for functions whose cases can't share a dispatch.
+    /// kernel to find races between the pixels of a fragment function that writes storage.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;

@@ -1,6 +1,6 @@
 //! Reads the values of a function's let-bindings on a driver.
 //!
-//! In a copy of the linked text, Karat adds a statement that stores the binding's value in a private variable. Karat
+//! In a copy of the linked text, Karat adds a statement that stores the value of one `let` in a private variable. Karat
 //! also adds a function that calls the author's function, and then returns this variable. So the author's function runs
 //! with its usual control flow, arguments and resources. For a binding in a loop, the variable has the last value.
 
@@ -26,7 +26,8 @@ pub struct Let {
     pub probed: Option<Probed>,
 }
 
-/// The largest number of bindings of a function that get a probe. Each probe needs a pipeline on two paths.
+/// The largest number of bindings of a function that get a probe. To compare two paths, Karat
+/// compiles each probe for both paths.
 const MOST: usize = 48;
 
 /// The let-bindings of a function, in the order of the text.

@@ -1,4 +1,4 @@
-//! Compiles kernels that are fragment functions, and makes their render targets.
+//! Compiles kernels that call a function in a fragment shader, and makes their render targets.
 
 use super::ProbeError;
 use super::kernel::{CELL, ENTRY_POINT, VERTEX};

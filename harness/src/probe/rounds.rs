@@ -1,9 +1,8 @@
 //! Counts the iterations of loops, for drivers that stop long loops without an error.
 //!
-//! Mesa's llvmpipe runs several invocations as the lanes of one vector. llvmpipe counts the iterations of all loops in
-//! a vector together, because all lanes run the same iteration. llvmpipe counts one iteration even for a loop that no
-//! lane enters. After [`MOST_ROUNDS`] iterations, llvmpipe stops every loop without a message, and the results are
-//! wrong.
+//! Mesa's llvmpipe runs several invocations as the lanes of one vector. Each vector has a single counter for the
+//! iterations of all loops that its lanes run. llvmpipe counts one iteration even for a loop that no lane enters. After
+//! [`MOST_ROUNDS`] iterations, llvmpipe stops every loop without a message, and the results are wrong.
 //!
 //! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the iterations. If a
 //! single case takes [`MOST_ROUNDS`] iterations, Karat reports an error. If no single case takes that many, but the
@@ -52,8 +51,8 @@ impl<'d> Rounds<'d> {
         Ok(Self { dispatcher, loops: counting.loops, nesting: counting.nesting, function })
     }
 
-    /// Checks if each case needs its own vector, because the driver might stop a loop if cases share a vector. Returns
-    /// an error if one case takes too many iterations.
+    /// Checks if each case needs its own vector: if cases share a vector, the driver might stop a loop. Returns an
+    /// error if one case takes too many iterations.
     pub(super) fn apart(
         &self,
         cases: usize,

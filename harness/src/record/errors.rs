@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 pub struct Errors {
     /// Number of cases without any error.
     pub exact: u64,
-    /// Number of cases for each exponent of two, from -20 to 20. A case counts for the exponent of the next power of
-    /// two that is at least the case's ratio: a case with the ratio 0.3 counts for -1, because 0.3 is between 2^-2 and
-    /// 2^-1.
+    /// Number of cases by the size of their ratio. Each key is an exponent of two, from -20 to 20. A case counts for
+    /// the smallest power of two that is at least the case's ratio: a case with the ratio 0.3 counts for -1, because
+    /// 0.3 is between 2^-2 and 2^-1.
     pub powers: BTreeMap<i32, u64>,
     /// Number of cases in which the error is infinite or NaN.
     pub not_finite: u64,

@@ -193,8 +193,8 @@ impl Program {
         inner.size(self.checked.module.to_ctx()) as usize
     }
 
-    /// The offset in bytes of the member `member` in a buffer (`light.position`), and the bytes of the value that
-    /// `lanes` gives the member.
+    /// The offset in bytes of the member `member` in a buffer (`light.position`), and the scalars in `lanes` as bytes
+    /// of this member.
     pub(crate) fn member_bytes(
         &self,
         binding: &Binding,

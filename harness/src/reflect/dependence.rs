@@ -98,8 +98,8 @@ impl Dependence {
         Some(self.is_same(&self.package()?.unsaved(file, text)))
     }
 
-    /// Checks if the program may contain a declaration, so that an edit of the declaration may change the program.
-    /// `path` is the declaration's path, such as `brdf::schlick`, or the end of the path.
+    /// Checks if an edit of a declaration could change the program. Returns `false` if the program surely lacks the
+    /// declaration. `path` is the declaration's path, such as `brdf::schlick`, or the end of the path.
     #[must_use]
     pub fn may_declare(&self, path: &str) -> bool {
         let is_it = |own: &String| format!("::{own}").ends_with(&format!("::{path}"));

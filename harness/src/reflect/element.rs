@@ -1,4 +1,4 @@
-//! Finds the names of elements of variables in memory, as an author would write the elements in WGSL: `[17].sum`.
+//! Finds the element at a byte of a variable, and names it as an author would in WGSL: `[17].sum`.
 
 use naga::{Handle, Module, Scalar, ScalarKind, Type, TypeInner, VectorSize};
 

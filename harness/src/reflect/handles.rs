@@ -1,9 +1,9 @@
 //! Makes functions with texture and sampler parameters callable. Each such parameter becomes a variable, and a
 //! fixture with the parameter's name supplies the variable.
 //!
-//! Karat appends these variables to the linked text. Karat also appends a function that takes only the other arguments,
-//! and calls the author's function with these arguments and the variables. Karat calls the appended function in place
-//! of the author's function.
+//! Karat appends a variable for each texture and sampler parameter to the linked text. Karat also appends a function
+//! that takes only the other arguments, and calls the author's function with these arguments and the variables. Karat
+//! calls the appended function in place of the author's function.
 
 use std::fmt::Write;
 

@@ -1,7 +1,8 @@
 //! Converts values into WGSL's memory layout for uniform and storage buffers, with naga's offsets.
 //!
-//! Karat needs this layout only for the buffers that fixtures supply. Arguments and results have another form: Karat
-//! passes each of them as a list of scalars. The offsets and strides are naga's values for the author's declaration.
+//! Karat uses WGSL's memory layout only for the buffers that fixtures supply. Arguments and results have another form:
+//! Karat passes each of them as a list of scalars. The offsets and strides are naga's values for the author's
+//! declaration.
 
 use naga::proc::Layouter;
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
@@ -15,8 +16,8 @@ pub enum LayoutError {
     Count {
         /// The number of supplied scalars.
         supplied: usize,
-        /// The number of scalars in the variable's type. For a runtime-sized array, the number of scalars that fill
-        /// whole elements.
+        /// If the fixture has too many scalars, the number of scalars in the variable's type. If the fixture has too
+        /// few scalars, 1 more than `supplied`.
         expected: usize,
     },
     /// No buffer fixture can supply the type.

@@ -16,7 +16,7 @@ pub struct Literals {
 }
 
 impl Literals {
-    /// The largest number of floats, and the largest number of integers. Karat also tries both neighbours of each
+    /// The maximum length of `floats`, and of `wholes`, for one program. Karat also tries both neighbours of each
     /// literal.
     const MOST: usize = 16;
 

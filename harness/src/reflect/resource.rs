@@ -4,7 +4,7 @@ use std::fmt;
 
 use naga::{ImageClass, ImageDimension, ScalarKind, StorageFormat};
 
-/// The coordinates of a texture.
+/// The dimension of a texture: `1d`, `2d`, `3d` or `cube`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Dimension {
     /// One coordinate.

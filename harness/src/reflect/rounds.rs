@@ -193,8 +193,8 @@ pub(crate) struct CountedLoop {
 /// counters.
 ///
 /// # Panics
-/// Panics if the kernel doesn't parse. This can't happen for a valid kernel: except for the counters, `text` is the
-/// kernel from which the verdict comes.
+/// Panics if the kernel doesn't parse. This can't happen for a valid kernel, because Karat only adds counters to its
+/// text.
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let module = super::parsed_with(text, program.overrides())
         .expect("it is the verdict's kernel but for the counters");

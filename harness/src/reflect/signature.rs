@@ -78,7 +78,7 @@ pub struct Variable {
 pub(crate) enum Passed {
     /// The kernel passes the parameter's value.
     Value,
-    /// The kernel passes a pointer to a variable of its own function.
+    /// The kernel passes a pointer to one of its local variables (address space `function`).
     Function,
     /// The kernel passes a pointer to a private variable.
     Private,

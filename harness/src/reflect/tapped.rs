@@ -1,8 +1,8 @@
 //! Makes programs in which fragment functions return one intermediate value in addition to their colours.
 //!
-//! A tap is a changed copy of naga's IR. After the statement that computes the value, the copy stores the value in a
-//! private variable. The fragment function returns the `u32` words of the value at an additional location. Control
-//! flow, arguments, resources and the author's text stay unchanged.
+//! A tap is a changed copy of naga's IR. After the statement that computes the intermediate value, the copy stores the
+//! value in a private variable. The fragment function returns the `u32` words of the value at an additional location.
+//! Control flow, arguments, resources and the author's text stay unchanged.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -701,7 +701,7 @@ fn tell(
 
 enum Rewritten {
     AsIs,
-    /// The original statement, followed by this block.
+    /// The original statement, which stands before this block.
     Before(Block),
     Instead(Block),
 }
