@@ -12,7 +12,8 @@ use naga::{ArraySize, Handle, Module, Type, TypeInner};
 #[non_exhaustive]
 pub enum LayoutError {
     /// The number of supplied scalars isn't the number of scalars in the type.
-    #[error("the fixture has {supplied} scalars, but the variable needs {expected}")]
+    #[error("the fixture has {supplied} scalars, but the variable needs {}{expected}",
+        if .expected > .supplied { "at least " } else { "" })]
     Count {
         /// The number of supplied scalars.
         supplied: usize,
@@ -234,7 +235,8 @@ mod tests {
         assert_eq!(words.len(), 16);
         assert_eq!(words[..5], [1, 2, 3, 4, 5]);
         assert_eq!(words[8..13], [6, 7, 8, 9, 10]);
-        assert!(matches!(lay_out(wgsl, &[1, 2, 3]), Err(LayoutError::Count { expected: 4, .. })));
+        let few = lay_out(wgsl, &[1, 2, 3]).expect_err("too few").to_string();
+        assert_eq!(few, "the fixture has 3 scalars, but the variable needs at least 4");
     }
 
     #[test]
