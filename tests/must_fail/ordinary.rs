@@ -310,8 +310,11 @@ fn hazards_of_a_kind() {
         (unsuited(both().try_has_none_of([Kind::Nan])), "isn't needed: remove it"),
         (unsuited(capped().accept_hazard("1.0 / x", " ").try_has_no_hazards()), "has no reason"),
         (unsuited(both().try_is_finite()), "does nothing here"),
-        (unsuited(capped().try_has_none_of([Kind::Race])), "is checked for the hazard `race`"),
-        (unsuited(capped().try_has_none_of([])), "is checked for no kind of hazard"),
+        (
+            unsuited(capped().try_has_none_of([Kind::Race])),
+            "no operation alone has the hazard `race`",
+        ),
+        (unsuited(capped().try_has_none_of([])), "the check names no kind of hazard"),
     ] {
         assert!(reason.contains(part), "{reason}");
     }

@@ -210,7 +210,7 @@ pub trait Domain: Send + Sync {
     }
 
     /// Makes values of a structure or a vector from the domains of its members, in order. Unlike [`map`](Domain::map),
-    /// this function keeps the members separate, so Karat can simplify and tie them.
+    /// this function keeps the members separate, so Karat can simplify each member, and try equal and opposite members.
     ///
     /// ```
     /// use glam::{Vec2, Vec3};

@@ -141,8 +141,11 @@ impl Plan<'_> {
             let function = session.called.function();
             let mut asked = of.into_iter().flatten();
             let other = asked.find(|kind| !Kinds::ALL.contains(kind));
-            let other = other.map(|kind| format!("the hazard `{}`", kind.name()));
-            let none = of.is_some_and(<[Kind]>::is_empty).then(|| "no kind of hazard".to_owned());
+            let other =
+                other.map(|kind| format!("no operation alone has the hazard `{}`", kind.name()));
+            let none = of
+                .is_some_and(<[Kind]>::is_empty)
+                .then(|| "the check names no kind of hazard".to_owned());
             if let Some(wrong) = other.or(none) {
                 return Err(Mismatch::Hazard(wrong).of(function));
             }

@@ -50,7 +50,9 @@ pub enum Mismatch {
     #[error("is checked for a result that {0}: no result passes this check, or every result does")]
     Range(String),
     /// The check looks for no kind of hazard, or for a kind that no operation can have.
-    #[error("is checked for {0}: name kinds of hazards that an operation can have, such as `Nan`")]
+    #[error(
+        "can't be checked: {0}; name kinds of hazards that one operation can have, such as `Nan`"
+    )]
     Hazard(String),
     /// The declaration that accepts a hazard has no reason, or the hazard occurs in no case.
     #[error("has a declaration that accepts the hazard of `{0}`; the declaration {1}")]
