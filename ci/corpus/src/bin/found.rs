@@ -145,8 +145,8 @@ const FOUND: [Found; 9] = [
         says: "The distance to a circle, an ellipse with equal axes, is NaN: the formula divides by the difference of \
                the squared axes. If the axes are almost equal, the distance is NaN or wrong, too, as a comment in the \
                shader warns. So a test for `a == b` isn't enough. The change below handles axes that differ by less \
-               than a tenth of the longer axis: four steps approach the nearest point of the ellipse. Each step moves \
-               to the nearest point of the circle of curvature at the current point.",
+               than a tenth of the longer axis: four steps approach the point of the ellipse that is nearest to \
+               `p_in`. Each step replaces the ellipse by its circle of curvature at the current point.",
         check: |package| round_ellipse(package).into(),
         change: [
             "    let l = ab.y * ab.y - ab.x * ab.x;\n",
@@ -491,7 +491,7 @@ const DISPATCHED: &str = "
 - If the matrix sizes of a MatMul have 5, 7 or 9 as their common divisor, the shader uses tiles of size 4, which don't divide the sizes. Then the invocations for two matrices of a batch write the same elements, and use indices outside of the buffers. If the common divisor of the sizes is 3, a vector has 16 bytes in the shader, but 12 bytes on the host.
 - Conv with 3 x 3 weights and without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
 - For more than 65,535 elements, wonnx uses workgroups of two invocations. If the number of elements is odd, the last invocation of Relu, Add and other nodes uses an index outside of the array, because no template compares the index with the length.
-- Resize to given sizes rounds its scale factor to two digits: a resize from 300 to 400 texels reads beyond the row.
+- If a Resize node gets sizes instead of scales, wonnx rounds the scale to two digits: a resize from 300 to 400 texels reads beyond the row.
 ";
 
 /// Runs the check of a fault on the released shader and on the repaired shader, and returns the text of the fault's
