@@ -47,8 +47,8 @@ pub(super) struct Args {
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
     /// Dispatches a compute entry point over this number of workgroups, such as `4` or `4,2,1`, and shows the results
-    /// in its buffers and textures. Without this option Karat calls one invocation, and the builtin values of the
-    /// invocation are arguments
+    /// in its buffers and textures. Without this option Karat runs a single invocation, and you pass its builtin values
+    /// as arguments
     #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::workgroups,
         conflicts_with_all = ["arguments", "table", "plot", "out"])]
     dispatch: Option<[u32; 3]>,
