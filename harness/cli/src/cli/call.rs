@@ -68,8 +68,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "OUT.CSV")]
     out: Option<PathBuf>,
     /// Compares each case with this column of the table, within --tolerance, and fails if a case differs. For a vector
-    /// the table needs one column per component: `COLUMN.x`, `COLUMN.y`. For several results the table needs one column
-    /// per result: `COLUMN.result` and so on
+    /// the table needs one column per component: `COLUMN.x`, `COLUMN.y`. If the function also writes through pointers,
+    /// the table needs one column per result: `COLUMN.result` for the returned value, and `COLUMN.p` for the pointer
+    /// `p`
     #[arg(long, value_name = "COLUMN", requires = "table", requires = "tolerance")]
     expect: Option<String>,
     /// Accepts results within this tolerance of the column that --expect names: `4 ulp`, `rel 1e-4 or abs 1e-6`,
