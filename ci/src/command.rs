@@ -8,7 +8,7 @@ use std::process::{Command, ExitStatus};
 
 use anyhow::{Context, Result};
 
-/// The workspace's root, in which every child runs.
+/// Returns the workspace's root folder, in which every child process runs.
 pub(crate) fn root() -> PathBuf {
     let package = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     package.parent().map_or_else(|| package.clone(), PathBuf::from)

@@ -1,8 +1,7 @@
 //! `cargo ci full`: runs the suites that are too long for each change.
 //!
-//! `cargo ci test` runs a sample of these suites: the tests of five of the shader library's modules on SwiftShader,
-//! some pixels of the frames that `tests/second_opinion` computes again, the translations of some modules, a quarter of
-//! the faults in the shader library, and the quick tests of the review page.
+//! `cargo ci test` runs only a sample of each suite. For example, it runs the tests of five modules of the shader
+//! library on SwiftShader, while `cargo ci full` runs the tests of all modules.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};

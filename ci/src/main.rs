@@ -87,9 +87,10 @@ enum Task {
     Found,
     /// Test karat with mint, and with each version of glam for which karat has a feature
     Glams,
-    /// Test each operator and builtin function on each path, and write pages of the differences
+    /// Test each operator and builtin function on each path, and write a page for each path and driver
     ///
-    /// The pages go to docs/divergences; pages of drivers that this machine lacks stay unchanged.
+    /// The pages list the expressions with wrong results, and go to docs/divergences; pages of drivers that this
+    /// machine lacks stay unchanged.
     Divergences,
     /// Check the shaders of published crates: which modules open, link and are valid, and which functions Karat can
     /// call.
@@ -163,8 +164,8 @@ enum Task {
     /// Runs `karat mutate`, and writes the result for each mutant to `target/karat/mutation.json`. `cargo ci test`
     /// tries only a few mutants.
     Mutants {
-        /// Try only mutants of this module or function, or the mutant with this id, such as `brdf`, `brdf::schlick` or
-        /// `b778d00e`.
+        /// Try only the mutants of this module (`brdf`) or function (`brdf::schlick`), or only the mutant with this id
+        /// (`b778d00e`).
         names: Vec<String>,
     },
 }

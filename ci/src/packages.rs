@@ -11,8 +11,8 @@ use cargo_metadata::{Metadata, MetadataCommand, Package};
 use crate::command;
 use crate::step::Steps;
 
-/// The licence files, of which each package has copies, because a registry shows only the package's own files. Links
-/// wouldn't work on Windows, where git writes a link as a text file.
+/// The licence files, of which each package has copies, because a registry shows only the package's own files. Symbolic
+/// links wouldn't work on Windows, where git writes them as text files.
 const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 
 /// The largest number of keywords that crates.io accepts.
@@ -104,7 +104,7 @@ fn untold(package: &Package) -> Vec<String> {
     missing.map(|(what, _)| format!("its manifest has no `{what}`, or too many")).collect()
 }
 
-/// Returns a message for each licence file of a package that is missing, or differs from the repository's file.
+/// Returns a message for each licence file that the package lacks, or that differs from the repository's file.
 fn unlike_ours(package: &Package) -> Result<Vec<String>> {
     let folder = package.manifest_path.parent().context("a manifest has a folder")?;
     let mut problems = Vec::new();

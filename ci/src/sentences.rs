@@ -17,7 +17,7 @@ pub(crate) enum Source {
     Docs,
     /// Documentation comments
     Comments,
-    /// Texts in the harness's sources that users see
+    /// Messages, help and other texts that the harness shows to users
     Messages,
 }
 
@@ -30,7 +30,7 @@ const WRITTEN: [&str; 5] = [
     "docs/translations.md",
 ];
 
-/// The fewest words of a sentence. A shorter text is mostly a name or a part of a sentence.
+/// The fewest words of a sentence. A shorter text is usually a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
 /// The code that stands directly before a string literal for developers. Users don't see such a literal.
@@ -41,7 +41,7 @@ const CODE_BEGINS: [&str; 10] =
     ["@", "#[", "[", "fn ", "struct ", "import ", "enable ", "var<", "let ", "const "];
 const CODE_ENDS: [&str; 3] = [";", "{{", "}}"];
 
-/// The beginnings of test modules.
+/// The pieces of Rust code with which a test module begins.
 const TEST_MODULES: [&str; 3] =
     ["#[cfg(test)]\nmod ", "#[cfg(test)]\npub(super) mod ", "#[cfg(all(test,"];
 
@@ -170,9 +170,9 @@ fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
     found
 }
 
-/// Returns the string literals in Rust code that users see, without their line breaks. Leaves out shaders (raw
-/// strings), generated code, and messages for developers (`expect`, `unreachable!`). Scans the text instead of using a
-/// crate that parses Rust, because the package `ci` should stay small.
+/// Finds the messages for users in Rust code, and returns these string literals without their line breaks. Leaves out
+/// shaders (raw strings), generated code, and messages for developers (`expect`, `unreachable!`). Scans the text
+/// instead of using a crate that parses Rust, because the package `ci` should stay small.
 fn literals(text: &str) -> Vec<Paragraph> {
     let (mut found, mut rest, mut line) = (Vec::new(), text, 1);
     while let Some(first) = rest.chars().next() {

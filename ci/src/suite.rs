@@ -53,8 +53,8 @@ pub(crate) fn build() -> Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// Runs the tests of the example project `folder`, which has no Rust code. Other steps run the examples for wgpu and
-/// npm, and `cargo ci full` runs the example for Bevy.
+/// Runs the tests of `harness/examples/folder`, an example project without Rust code. Other steps run the examples for
+/// wgpu and npm, and `cargo ci full` runs the example for Bevy.
 fn examples() -> Result<()> {
     command::run_aside(&mut command::karat(&["test", "harness/examples/folder/shaders"])?)
 }

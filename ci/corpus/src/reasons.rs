@@ -1,5 +1,5 @@
-//! The reasons why Karat can't call functions of published crates, each with an explanation. If a reason isn't in the
-//! list, `corpus` reports a fault.
+//! The reasons why Karat can't call functions of published crates, each with an explanation. The program `corpus`
+//! reports each reason that is missing here.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -78,8 +78,8 @@ pub(crate) fn is_argued(reason: &str) -> bool {
     ARGUED.iter().any(|(known, ..)| *known == reason)
 }
 
-/// Returns the end of the report: the share of functions that Karat can call or refuses only because of the shader, and
-/// a table that explains each reason.
+/// Returns the end of the report: the share of functions that Karat either can call, or can't call because of the
+/// shader itself, and a table that explains each reason.
 pub(crate) fn told(functions: usize, callable: usize, reasons: &BTreeMap<String, usize>) -> String {
     let of = |whose: Whose| {
         let own = ARGUED.iter().filter(move |(_, known, _)| *known == whose);

@@ -16,7 +16,8 @@ const NAMES: [&str; 7] = [
     "chrome.exe",
 ];
 
-/// The path of Chromium's program: from `KARAT_BROWSER`, or in the usual folders.
+/// Returns the path of Chromium's program, which is the file that `KARAT_BROWSER` names, or else a file in the usual
+/// folders.
 pub(crate) fn find(host: &Host) -> Option<PathBuf> {
     if let Some(named) = host.listed("KARAT_BROWSER") {
         return named.into_iter().find(|program| program.is_file());

@@ -16,7 +16,7 @@ pub(crate) struct Host {
 }
 
 impl Host {
-    /// The machine that this program runs on.
+    /// Returns the machine that this program runs on.
     pub(crate) fn current() -> Self {
         // Debian keeps /sbin out of the PATH of ordinary users.
         let ldconfig = ["ldconfig", "/sbin/ldconfig"].into_iter().find_map(|program| {
@@ -31,7 +31,7 @@ impl Host {
         }
     }
 
-    /// Returns the place of a file of the machine, below the root folder.
+    /// Returns the path of this machine's file `absolute`, below the root folder.
     pub(crate) fn path(&self, absolute: impl AsRef<Path>) -> PathBuf {
         let absolute = absolute.as_ref();
         self.root.join(absolute.strip_prefix("/").unwrap_or(absolute))

@@ -3,7 +3,7 @@
 //! `ci/tint` lists Dawn for Node, which contains Tint. `ci/web` and `ci/web-before` list the packages for the tests of
 //! Karat's own npm packages: with the current vitest, and with the version before it. Each of these folders has a lock
 //! file, with versions and checksums, but without addresses. Dawn needs Node 20. If the machine has no Node, or an
-//! older version as in Debian 12, the command installs a Node with npm from Python's package index.
+//! older version as in Debian 12, the command installs Node and npm from Python's package index.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -200,7 +200,7 @@ enum Command {
                             Exit codes: 0 the shader is translated, and with --validate the translation is valid; 1 a validator \
                             rejects the translation;\n2 naga can't translate the shader, or the shader can't be read.")]
     Translate(translate::Args),
-    /// Translates every function and entry point with naga, then validates, runs and compares the results
+    /// Translates every function and entry point with naga, then validates, runs and compares the translations
     #[command(
         after_help = "Examples:\n  karat matrix\n  karat matrix my/shaders\n  karat matrix --crate bevy_pbr@0.20.1\n  \
                             karat matrix --columns vulkan,vulkan:hlsl,msl --only fresnel\n  \

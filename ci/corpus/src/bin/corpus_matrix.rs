@@ -36,8 +36,8 @@ struct Sum {
     wrong: usize,
     /// For each column of the matrix, the number of rows with each status or problem.
     counts: BTreeMap<String, BTreeMap<String, usize>>,
-    /// The problems of the rows: for each text that [`reason`] returns, the number of rows with a problem of this text,
-    /// and the name of the first such row.
+    /// For each problem, described by the text that [`reason`] returns: the number of rows with this problem, and the
+    /// name of the first such row.
     reasons: BTreeMap<String, (usize, String)>,
     /// The error, if Karat couldn't compute the matrix of the crate.
     error: Option<String>,
@@ -82,8 +82,8 @@ fn main() -> ExitCode {
     }
 }
 
-/// Starts a process for each crate, and prints the table. Returns `true` if every process wrote its counts, and at
-/// least one row was judged.
+/// Starts a process for each crate, and prints the table. Returns `true` if every process wrote its counts, and Karat
+/// computed at least one row of a matrix.
 fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let this = std::env::current_exe().map_err(|error| error.to_string())?;

@@ -35,8 +35,8 @@ enum Answer {
     Stopped(String),
 }
 
-/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4). A case also fails if WGSL's
-/// bounds allow an absolute error above 1 for this case.
+/// Returns a tolerance that accepts each result within WGSL's bounds (section 15.7.4). If these bounds allow an
+/// absolute error above 1, the case fails, because the bounds are too wide for a useful test.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }
@@ -85,8 +85,8 @@ macro_rules! questions {
 
 /// The tested expressions. The domain of each expression has only arguments for which WGSL bounds the error of the
 /// result. For example, the domain of `sin` and `cos` is -pi to pi. The domains of `asin` and `acos` stay away from 0
-/// and 1: WGSL bounds both functions by `atan2` of `x` and `sqrt(1 - x * x)`, and doesn't bound `atan2` if an argument
-/// is 0.
+/// and 1: WGSL defines the error bounds of both functions through `atan2` of `x` and `sqrt(1 - x * x)`, and has no
+/// bound for `atan2` if an argument is 0.
 const QUESTIONS: &[Question] = questions! {
     "x + y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x + y, within();
     "x - y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x - y, within();

@@ -20,7 +20,7 @@ use karat::fixture::{Buffer, Texture};
 use karat::prelude::*;
 
 karat::shareable! {
-    /// The tiles of the image that vello allocates for one vector path.
+    /// The tiles that vello allocates for one vector path.
     pub struct TilePath mirrors TilePathMirror {
         /// The rectangle of tiles: column and row of the first tile, then column and row one beyond the last tile.
         bbox: UVec4,
@@ -436,7 +436,7 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// Checks if the check failed because of a wrong result on some path, and not because of another error.
+/// Returns `true` if the failure is a wrong result on some path, and `false` for other errors.
 fn is_found(failure: &Failure) -> bool {
     match failure {
         Failure::Disagreement(_) | Failure::Rejection(_) => true,

@@ -79,7 +79,7 @@ fn waits(name: &str) -> bool {
 struct Contents {
     /// `true` if the folder or zip contains a pending frame, pending values or a record.
     of_run: bool,
-    /// The name of a zip inside the folder or zip, which the user may have meant.
+    /// The name of an inner zip, if there is one. Perhaps the user meant to open this inner zip.
     zip: Option<String>,
 }
 

@@ -24,7 +24,8 @@ use super::{Ending, Outcome, child};
 const LONGEST: u64 = 1 << 30;
 
 /// The longest time that a page's request for a job waits. If there is no job by then, the server replies that there is
-/// no job, and the page asks again. Proxies and browsers would give up after 30 seconds.
+/// no job, and the page asks again. This time is short, because proxies and browsers may abort a request after 30
+/// seconds.
 const POLL: Duration = Duration::from_secs(5);
 
 /// The time after which Karat treats a silent page as closed. This time is long, because a page in a background tab may

@@ -47,8 +47,8 @@ pub(super) struct Args {
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
     /// Dispatches a compute entry point over this number of workgroups, such as `4` or `4,2,1`, and shows the results
-    /// in its buffers and textures. Without this option Karat calls one invocation, and the builtin values of the
-    /// invocation are arguments
+    /// in its buffers and textures. Without this option Karat runs a single invocation, and you pass its builtin values
+    /// as arguments
     #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::workgroups,
         conflicts_with_all = ["arguments", "table", "plot", "out"])]
     dispatch: Option<[u32; 3]>,
@@ -68,8 +68,9 @@ pub(super) struct Args {
     #[arg(long, value_name = "OUT.CSV")]
     out: Option<PathBuf>,
     /// Compares each case with this column of the table, within --tolerance, and fails if a case differs. For a vector
-    /// the table needs one column per component: `COLUMN.x`, `COLUMN.y`. For several results the table needs one column
-    /// per result: `COLUMN.result` and so on
+    /// the table needs one column per component: `COLUMN.x`, `COLUMN.y`. If the function also writes through pointers,
+    /// the table needs one column per result: `COLUMN.result` for the returned value, and `COLUMN.p` for the pointer
+    /// `p`
     #[arg(long, value_name = "COLUMN", requires = "table", requires = "tolerance")]
     expect: Option<String>,
     /// Accepts results within this tolerance of the column that --expect names: `4 ulp`, `rel 1e-4 or abs 1e-6`,

@@ -81,7 +81,8 @@ pub(super) fn validate(
 }
 
 /// Does the work of [`validate`], and also returns the verdicts of compilers other than naga. In an undeclared package
-/// (see `Found::stated`), Karat also accepts modules that are valid with the features of a test in `uses`.
+/// (see `Found::stated`), Karat also accepts modules that are valid in a package of `uses`, which has the features that
+/// a test set.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -226,8 +227,8 @@ pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 
-/// Removes from `invalid` the modules that are valid with the features and dependencies of a test in `uses`. Returns
-/// `None` if no invalid module remains.
+/// Removes from `invalid` the modules that are valid in a package of `uses`, which has the features and dependencies
+/// that a test set. Returns `None` if no invalid module remains.
 pub(super) fn as_used(
     mut invalid: Invalid,
     package: &Package,

@@ -98,7 +98,7 @@ fn has_pending(folder: &str) -> bool {
 /// The option that permits a command to write into your sources in CI.
 #[derive(clap::Args)]
 pub(super) struct CiArgs {
-    /// Allows writing into your sources although `CI` is set
+    /// Allows writing into your sources even if `CI` is set
     #[arg(long)]
     pub(super) ci_may_write: bool,
 }
@@ -299,7 +299,7 @@ struct Waiting {
     /// The folder that `--goldens` names. Without this option, each frame belongs to the folder of the golden with
     /// which the frame was compared.
     named: Option<Goldens>,
-    /// With `--from` but without `--goldens`, the project whose goldens the frames of the CI run replace.
+    /// The project whose goldens the command replaces, if `--from` is given and `--goldens` isn't given.
     project: Option<Project>,
 }
 

@@ -44,7 +44,7 @@ pub(super) struct Args {
     #[arg(long, value_name = "COUNT", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(1..=65_536))]
     cases: u32,
-    /// Also fails if there are findings of this class
+    /// Besides faults, also fails for findings of this class
     #[arg(long, value_name = "CLASS", value_parser = ["requirements"])]
     deny: Vec<String>,
     /// Shows every finding, also findings that no caller triggers and findings that change no result, and lists the

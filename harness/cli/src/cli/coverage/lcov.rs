@@ -6,8 +6,8 @@ use std::path::Path;
 
 use super::union::{File, Seen, Union};
 
-/// Formats a tracefile with two kinds of records: for each file a record that lists all lines with the count 0, and for
-/// each test of a file a record with the test's counts.
+/// Formats a tracefile. For each file, the tracefile has one record that lists all lines with the count 0, and one
+/// record for each test that ran lines of the file, with the counts of this test.
 pub(super) fn written(union: &Union) -> String {
     let mut text = String::new();
     for (file, own) in union.files() {

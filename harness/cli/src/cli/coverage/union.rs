@@ -144,8 +144,8 @@ impl Union {
         self.files.values().fold(Sum::default(), |sum, file| sum.and(file.sum()))
     }
 
-    /// Returns each variant with two numbers: of the lines that ran in this variant, and of the lines that ran only in
-    /// this variant. The shaders have a variant for each set of features that the tests use.
+    /// Returns each variant with the number of lines that ran in this variant, and the number of lines that ran in no
+    /// other variant. The shaders have a variant for each set of features that the tests use.
     pub(super) fn variants(&self) -> Vec<(&str, usize, usize)> {
         let mut known: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
         for line in self.files.values().flat_map(|file| file.lines().into_values()) {
@@ -341,7 +341,7 @@ impl Sum {
     }
 }
 
-/// Returns the percentage of `some` in `all`, rounded down to a tenth, so that only complete coverage gives 100.
+/// Returns `some` as a percentage of `all`, rounded down to a tenth, so that only complete coverage gives 100.
 #[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
 fn per_cent(some: usize, all: usize) -> Option<f64> {
     (all > 0).then(|| (1000 * some / all) as f64 / 10.0)

@@ -40,8 +40,7 @@ const VALUE: &str = "64";
 const UNDECLARED: &str =
     "invented value: no module declares this name; is the name a macro, or misspelt?";
 
-/// The comment that Karat writes after a feature that Karat turns on because a declaration exists only with this
-/// feature.
+/// The comment that Karat writes after a feature, if the shader declares a name only when this feature is on.
 const VARIANT: &str = "a declaration needs this feature: your game engine may set other features";
 
 /// The comment that Karat writes after an empty text, if only the user's game engine knows the real text.
