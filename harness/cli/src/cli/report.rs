@@ -66,7 +66,7 @@ pub(super) struct OutputArgs {
     /// Prints, for editors, only one line per failure, `file:line:column: error: message`, and the number of failures
     #[arg(long, conflicts_with_all = ["all", "github"])]
     pub(super) short: bool,
-    /// Prints failures as GitHub annotations, and appends to the job's summary [default: on if GITHUB_ACTIONS is
+    /// Prints failures as GitHub annotations, and adds them to the job's summary [default: on if GITHUB_ACTIONS is
     /// `true`]
     #[arg(long)]
     github: bool,
