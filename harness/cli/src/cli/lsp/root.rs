@@ -62,7 +62,7 @@ impl Root {
         Ok(())
     }
 
-    /// Checks if Karat knows all tests. Without Cargo, it always does, because it reads all tests beside the shaders.
+    /// Checks if Karat knows all tests. Without Cargo, it always does, because there are no Rust tests.
     pub(super) fn knows_all(&self) -> bool {
         self.whole || !self.project.is_cargo()
     }

@@ -65,7 +65,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Receives the requests. At the end of standard input, stops this process and all its programs, even if a shader hangs.
+/// Receives the requests. At the end of standard input, ends this process and its programs, even if a shader hangs.
 pub(super) fn requests(at_end: impl FnOnce() + Send + 'static) -> Receiver<Request> {
     let (sender, requests) = channel();
     std::thread::spawn(move || {
