@@ -47,7 +47,7 @@ const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");
 const GITLAB_FILE: &str = ".gitlab-ci.karat.yml";
 
-/// The CI steps that install and run Karat, each with its replacement if `package.json` depends on Karat.
+/// Lines of the CI files, each with its replacement for a project whose `package.json` depends on Karat.
 const BY_NPM: [(&str, &str); 4] = [
     ("      # Karat isn't on crates.io yet: write the address of your copy of Karat.\n", ""),
     ("    # Karat isn't on crates.io yet: write the address of your copy of Karat.\n", ""),
@@ -372,7 +372,7 @@ fn read_rust(folder: &Path, texts: &mut Vec<String>) {
     }
 }
 
-/// Adds the files that runs write to `.gitignore`.
+/// Adds [`IGNORED`] to `.gitignore`, except for lines that it already has.
 fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     let file = Path::new(".gitignore");
     let mut text = text_of(file)?.unwrap_or_default();

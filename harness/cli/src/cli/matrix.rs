@@ -27,7 +27,8 @@ pub(super) struct Args {
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     columns: Vec<Column>,
     /// Fails unless every row reaches this status in this column: `vulkan:hlsl=executed`; may be a list. A row that
-    /// `[[matrix]]` in `karat.toml` declares as failing in this column is exempt, and must still fail
+    /// `[[matrix]]` in `karat.toml` declares as failing in this column is exempt; if it no longer fails, the
+    /// command fails
     #[arg(long, value_name = "COLUMN=STATUS", value_delimiter = ',', value_parser = requirement)]
     require: Vec<(String, Status)>,
     /// Runs only rows whose name contains this text; may be repeated

@@ -223,8 +223,8 @@ fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Runs this command in a separate process with special settings. With a mutant, tests fail, and store pending frames
-/// and failing inputs. The settings keep these files away from the shaders.
+/// Runs this command in a separate process with special settings. Tests that fail because of a mutant store pending
+/// frames and failing inputs. The settings keep these files away from the shaders.
 fn apart(path: &str) -> Outcome {
     let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
     let program = std::env::current_exe().context("can't find karat's executable file")?;

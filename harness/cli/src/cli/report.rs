@@ -66,7 +66,7 @@ pub(super) struct OutputArgs {
     /// Prints, for editors, only one line per failure, `file:line:column: error: message`, and the number of failures
     #[arg(long, conflicts_with_all = ["all", "github"])]
     pub(super) short: bool,
-    /// Prints failures as GitHub annotations, and appends to the job's summary [default: on if GITHUB_ACTIONS is
+    /// Prints failures as GitHub annotations, and adds them to the job's summary [default: on if GITHUB_ACTIONS is
     /// `true`]
     #[arg(long)]
     github: bool,
@@ -79,7 +79,7 @@ pub(super) struct Args {
     /// Reads this folder of records, or the last run of the project in this folder [default: the current project]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
-    /// Merges these folders of records, the parts of one run, which `karat record --into` wrote; may be repeated
+    /// Merges these folders, into which `karat record --into` wrote the parts of one run; may be repeated
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "record")]
     merge: Vec<PathBuf>,
 }
@@ -394,7 +394,7 @@ fn in_a_line(case: &CaseDetails) -> String {
 pub(super) struct Place {
     pub(super) file: String,
     pub(super) line: u32,
-    /// The column, in characters that count from 1.
+    /// The number of the character in its line, counted from 1.
     pub(super) column: u32,
 }
 

@@ -21,8 +21,8 @@ use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Writes the page into this folder, and starts no server. Open the page in this folder; the page shows the
-    /// commands to type
+    /// Writes the page into this folder, and starts no server. To accept or reject a frame, type the command
+    /// that the page shows
     #[arg(long = "static", value_name = "DIR", conflicts_with_all = ["port", "open"])]
     files: Option<PathBuf>,
     /// Serves the page on this port of 127.0.0.1 [default: any free port]
@@ -185,7 +185,7 @@ impl Pixels for Told {
     }
 }
 
-/// Returns all files in a folder and its subfolders. The name of a frame may contain subfolders.
+/// Returns all files in a folder and its subfolders: the name of a frame may contain a folder, as `lamps/dusk` does.
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let of = |path: PathBuf| if path.is_dir() { files_below(&path) } else { vec![path] };

@@ -56,7 +56,7 @@ impl Project {
         self.search_with(args, &self.recorded())
     }
 
-    /// Does the work of [`search`](Self::search), but `used` has the folders and files that tests used.
+    /// Does the work of [`search`](Self::search), given the folders and files that tests used.
     pub(super) fn search_with(
         &self,
         args: &PackageArgs,
@@ -210,7 +210,7 @@ pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     Ok(if stands { shaders } else { folder.to_owned() })
 }
 
-/// The packages and tests in a folder that are outside of its subfolder `shaders`.
+/// The packages and tests of a folder, without those in its subfolder `shaders`.
 #[derive(Default)]
 struct Outside {
     /// The packages outside of `shaders`: single modules, and folders with modules.

@@ -40,7 +40,7 @@ pub(super) struct Args {
     /// With `--serve`, runs the Rust tests of the Cargo project in the folder
     #[arg(long, hide = true)]
     cargo: bool,
-    /// Ends when standard input ends, because the program that waits for the verdicts has ended then
+    /// Ends when standard input ends, because then the program that waits for the verdicts has ended
     #[arg(long, hide = true)]
     attended: bool,
     /// Prints the names, and runs nothing

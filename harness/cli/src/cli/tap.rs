@@ -140,7 +140,7 @@ pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::
     Ok(drawn.path)
 }
 
-/// Prints the reason why a value can't be shown. Earlier output stays on the screen.
+/// Prints the reason why a value can't be shown.
 pub(super) fn refuse(error: &dyn std::error::Error) {
     let text = error.to_string();
     tell(&if text.starts_with("error") { text } else { format!("error: {text}") });

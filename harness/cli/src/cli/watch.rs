@@ -49,7 +49,7 @@ pub(super) struct Args {
     /// Runs the tests on these paths, with one process per path; the first path gives its verdict first
     #[arg(long, value_name = "PATHS", default_value = PATHS, env = "KARAT_PATHS")]
     paths: String,
-    /// Prints lines in place of a screen, as without a terminal
+    /// Prints lines in place of a full screen, even on a terminal
     #[arg(long)]
     lines: bool,
     /// Runs the tests once, and ends

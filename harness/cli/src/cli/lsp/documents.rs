@@ -85,8 +85,8 @@ impl<'d> Now<'d> {
         Self { documents, known: RefCell::default() }
     }
 
-    /// Checks if a verdict belongs to the text that the author sees: no file that the verdict depends on has changed. A
-    /// change of a Rust reference counts only after Cargo has built the reference.
+    /// Checks if the files that a verdict depends on are unchanged, including their unsaved text. A change of a Rust
+    /// reference counts only after Cargo has built the reference.
     pub(super) fn is_current(&self, record: &Record, declared: Option<&Path>) -> bool {
         if record.overlay.is_some() || record.read.is_empty() {
             return false;

@@ -90,8 +90,8 @@ pub(super) fn file_of(span: &karats::Span) -> Option<PathBuf> {
     (!name.starts_with('<')).then(|| place::resolved(Path::new(name)))
 }
 
-/// Adds the failures in `records`. If `last`, the records of the last run, has the same failure, adds the name by which
-/// `karat replay` finds it.
+/// Adds the failures in `records`. A failure that is also in `last`, the records of the last run, gets its name for
+/// `karat replay`.
 pub(super) fn of_records(
     records: &[Record],
     last: &[Record],

@@ -29,7 +29,7 @@ pub(super) struct Subjects {
     pub(super) all: Vec<(String, Span)>,
 }
 
-/// For each function, the names of the tests beside the shaders that check or call the function. A function with
+/// The tests beside the shaders: for each function, the names of the tests that check or call it. A function with
 /// `@test` is its own test.
 #[derive(Default)]
 struct Tests(BTreeMap<String, BTreeSet<String>>);

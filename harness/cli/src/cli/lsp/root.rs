@@ -37,7 +37,7 @@ type Stamp = (String, Option<SystemTime>);
 #[derive(Default)]
 pub(super) struct Verdicts {
     pub(super) current: Vec<Record>,
-    /// The outdated records: a file that the verdict depends on has changed since the run.
+    /// The records whose verdict is outdated, because a file that it depends on has changed since the run.
     pub(super) stale: Vec<Record>,
 }
 
@@ -62,7 +62,7 @@ impl Root {
         Ok(())
     }
 
-    /// Checks if all tests are known. Without Cargo, all tests are beside the shaders.
+    /// Checks if Karat knows all tests. Without Cargo, it always does, because there are no Rust tests.
     pub(super) fn knows_all(&self) -> bool {
         self.whole || !self.project.is_cargo()
     }

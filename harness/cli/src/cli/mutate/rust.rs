@@ -21,8 +21,8 @@ use super::super::suite::cargo::programs::{Programs, TestProgram};
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The longest time that the checks of a fast test take. Slower tests run last, in another start of the test
-/// program. This start takes only a few hundredths of a second.
+/// The longest time that the checks of a fast test take. Slower tests run last, in a second process of the test
+/// program. This process needs only a few hundredths of a second to start.
 const QUICK: Duration = Duration::from_millis(200);
 
 pub(super) struct RustTests {

@@ -21,7 +21,7 @@ use crate::cli::project::Project;
 /// The largest width in pixels. A wider frame is reduced: the picture has every second pixel, every third, and so on.
 const WIDEST: u32 = 480;
 
-/// The names of a frame's pictures in their file names, such as `scene.actual.png`.
+/// The part of each picture's file name that says what the picture shows: `actual` in `scene.actual.png`.
 const NAMES: [&str; 3] = ["golden", "actual", "flip"];
 /// The precision of file times: some file systems store whole seconds.
 const COARSE: Duration = Duration::from_secs(1);
@@ -44,7 +44,8 @@ pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Re
     Ok(())
 }
 
-/// Returns the beginning of a frame's file names: its name, with the crate if several crates have frames of that name.
+/// Returns the beginning of the file names of a frame's pictures: the frame's name, with the crate if several crates
+/// have frames of that name.
 fn file_name(golden: &str, goldens: &str, names: &Names) -> String {
     let name = names.frame(golden, goldens).replace("::", "/");
     // A record may come from another machine, and a hostile name may lead out of the folder of pictures.

@@ -55,7 +55,7 @@ fn unwatched(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Counts the checks of compute passes that have more orders of invocations than Karat tried.
+/// Returns a remark with the number of passing checks for which Karat tried only some orders of the invocations.
 fn in_some_orders(records: &[Record]) -> Option<String> {
     let passed = records.iter().filter(|record| !is_failure(record));
     let watched = passed.filter_map(|record| record.watched.as_ref());
@@ -69,7 +69,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Counts the lines of shaders that read elements which neither the test nor a pass has written.
+/// Returns a remark with the number of shader lines that read elements which neither the test nor a pass has written.
 fn unwritten(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let all: BTreeSet<&String> = watched.flat_map(|watched| &watched.unwritten).collect();

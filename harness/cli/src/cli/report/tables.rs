@@ -47,7 +47,7 @@ pub(in crate::cli) fn write(
     Ok(failed)
 }
 
-/// The largest number of failures that Karat writes in full. A person reads no more before the next edit.
+/// The largest number of failures that Karat writes in full. A person rarely reads more before the next edit.
 const IN_FULL: usize = 3;
 
 /// Writes the passing checks: one line for each module, and one for the frames.

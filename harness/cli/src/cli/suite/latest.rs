@@ -52,7 +52,8 @@ impl Latest {
     }
 
     /// Returns the present state of the files that the records depend on. If all `changed` paths are files, considers
-    /// only files whose names are in `changed`. If `changed` is empty or contains a folder, considers all files.
+    /// only files with the same name as a changed file. If `changed` is empty or contains a folder, considers all
+    /// files.
     pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
         let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
         // A new or removed folder may contain any file.

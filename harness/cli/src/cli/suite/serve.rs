@@ -65,8 +65,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Receives the requests. When standard input ends, ends this process and all programs that it runs, even if a shader
-/// hangs.
+/// Receives the requests. At the end of standard input, ends this process and its programs, even if a shader hangs.
 pub(super) fn requests(at_end: impl FnOnce() + Send + 'static) -> Receiver<Request> {
     let (sender, requests) = channel();
     std::thread::spawn(move || {

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::files::{Golden, is_facts};
 
-/// A golden whose provenance is missing or doesn't match.
+/// A golden whose provenance is missing or doesn't match its image.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Doubt {
     #[serde(flatten)]

@@ -32,7 +32,7 @@ pub(super) struct Screen {
     /// The last printed line that isn't a part of a message.
     last: RefCell<String>,
     failure: Cell<usize>,
-    /// The index of the first visible line of the failure.
+    /// The index of the first visible line of the shown failure.
     top: Cell<usize>,
     /// The title of the failure that was drawn last.
     title: RefCell<String>,
@@ -54,7 +54,7 @@ impl Screen {
         }
     }
 
-    /// Switches the terminal to a full screen, until the value is dropped.
+    /// Switches the terminal to a full screen, until the returned `Screen` is dropped.
     pub(super) fn full() -> std::io::Result<Self> {
         terminal::enable_raw_mode()?;
         execute!(std::io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)?;
