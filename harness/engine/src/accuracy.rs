@@ -229,8 +229,9 @@ impl Accuracy {
             .collect()
     }
 
-    /// Measures the errors of an adapter's results for [`arguments`](Self::arguments), in the same order. Ignores the
-    /// results if the function is unknown or the number of results is wrong.
+    /// Measures the errors of an adapter's results. The results must be in the order of
+    /// [`arguments`](Self::arguments). Ignores the results if the function is unknown or the number of results is
+    /// wrong.
     pub fn take(&mut self, function: &str, results: &[f32]) {
         let arguments = Self::arguments(function);
         if function == POWER && arguments.len() == 2 * results.len() {

@@ -1,4 +1,4 @@
-//! Finds integers that may wrap around at 32 bits: differences that become floats, and indices that are computed from
+//! Finds integers that may wrap around at 32 bits: the difference in `f32(a - b)`, and indices that are computed from
 //! sums and products.
 
 use super::memory::Index;
