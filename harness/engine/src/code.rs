@@ -65,7 +65,8 @@ pub(crate) enum Op {
     /// Tests if a float is NaN. `IsInf` tests if a float is infinite.
     IsNan,
     IsInf,
-    /// Selects one of two values by a condition. Registers: the result, the condition, the value for true, the value for false.
+    /// Selects one of two values by a condition. Registers: the result, the condition, the value for true, the value
+    /// for false.
     Select(File),
     /// Copies a value in all lanes.
     Move(File),
@@ -96,8 +97,9 @@ pub(crate) enum Op {
     /// Writes a texel. Registers: the texel's floats (if any), the coordinates and the layer, the texel's integers (if
     /// any).
     ImageStore(u32),
-    /// Reports lanes in which a computed integer has wrapped around: an index, or the difference in `f32(a - b)`.
-    /// Registers: the integer, and the registers from which it is computed. [`Code::wraps`] describes the computation.
+    /// Reports lanes in which a computed integer has wrapped around: an index, or a difference that is converted to a
+    /// float, as in `f32(a - b)`. Registers: the integer, and the registers from which it is computed. [`Code::wraps`]
+    /// describes the computation.
     Wrap(u32),
 
     /// Begins a branch. Jumps to `Else` or `EndIf` if the condition holds in no active lane. Register: the condition.
@@ -191,7 +193,7 @@ pub(crate) enum Count {
     },
 }
 
-/// A computed integer that may wrap around: an index, or the difference in `f32(a - b)`.
+/// A computed integer that may wrap around: an index, or a difference that is converted to a float.
 #[derive(Clone, Debug)]
 pub(crate) struct Wrap {
     pub(crate) buffer: Option<u32>,
@@ -346,7 +348,7 @@ pub(crate) struct HandleSlot {
 ///
 /// The float operands are in this order: the coordinates, the depth reference, and the level or both gradients. The
 /// integer operands of `textureLoad` are the coordinates, the layer, the sample index and the level. The integer
-/// operands of `textureSample` are the layer and the offset.
+/// operands of `textureSample` and similar functions are the layer and the offset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageOp {
     pub(crate) texture: u32,
