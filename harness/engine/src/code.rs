@@ -81,7 +81,8 @@ pub(crate) enum Op {
     /// Copies the candidate that an index selects. Registers: the result, the candidates, the index. The `u32` is the
     /// number of candidates. The `bool` is `true` if the index is signed.
     Pick(File, u32, bool),
-    /// Copies the element of the table [`Code::tables`]`[u32]` that an index selects. Registers: the result, the index.
+    /// Copies the element that an index selects from the table [`Code::tables`]`[u32]`. Registers: the result, the
+    /// index.
     Table(File, u32),
     /// Loads a scalar from a buffer, with the indexing [`Code::walks`]`[u32]`. Registers: the result, the indices.
     Load(Scalar, u32),

@@ -4,8 +4,8 @@
 //! Two orders are equivalent if one becomes the other by exchanging neighbouring turns that commute. Two accesses
 //! commute if they access different words, if both read, or if both add and no operation uses their results. A *source
 //! set* contains the turns that the explorer must try at one point of an order, each in its own run. A *sleep set*
-//! contains the turns that would lead to an order of a class that has already run (Abdulla et al. 2014, *Optimal dynamic
-//! partial order reduction*, algorithm 1).
+//! contains the turns that would only lead to orders that are equivalent to earlier ones (Abdulla et al. 2014, *Optimal
+//! dynamic partial order reduction*, algorithm 1).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
