@@ -158,7 +158,7 @@ pub(crate) mod sealed {
         fn flush(x: Self::Float) -> Self::Float;
         /// Checks if the float is an unbounded interval. The machine notes the cause of such intervals.
         fn is_unknown(x: Self::Float) -> bool;
-        /// Returns the unbounded value `x` with a note of its cause: the first cause among `inputs`, or `site` if no
+        /// Returns `x`. If `x` is unbounded, notes its cause in it: the first cause among `inputs`, or `site` if no
         /// input has a cause.
         fn note(
             x: Self::Float,
