@@ -177,8 +177,8 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// The scalar type and the number of components (one to four), if an attribute or a texel can have this shape: a
-    /// scalar, a vector, or an array of scalars. Otherwise `None`.
+    /// Returns the scalar type and the number of components (one to four) of an attribute's or a texel's shape. Such a
+    /// shape is a scalar, a vector, or an array of scalars. Returns `None` for any other shape.
     ///
     /// ```
     /// use karat_core::value::{Scalar, Shareable};

@@ -8,8 +8,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use crate::interval::{Interval, ulp};
 use crate::rules::{Exponential, FloatRule, Trigonometry};
 
-/// The allowed error divided by the measured error. The factor is above 1 because the error between two measured
-/// arguments may be larger than at both of them.
+/// The allowed error divided by the measured error. The factor is above 1 because the error may be larger between
+/// two measured arguments than at either of them.
 const SAFETY: f64 = 2.0;
 
 /// The number of measured arguments for each sign and exponent.
@@ -90,7 +90,7 @@ const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
     /// A number whose multiples include all zeros of the function: pi / 2 for a sine or a cosine, pi for a tangent,
-    /// `None` for any other function. At some multiples of pi / 2, a sine or a cosine is 1 or -1.
+    /// `None` for any other function. Some multiples aren't zeros: `sin(pi / 2)` is 1.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -229,8 +229,9 @@ impl Accuracy {
             .collect()
     }
 
-    /// Measures the errors of an adapter's results for [`arguments`](Self::arguments), in the same order. Ignores the
-    /// results if the function is unknown or the number of results is wrong.
+    /// Measures the errors of an adapter's results. The results must be in the order of
+    /// [`arguments`](Self::arguments). Ignores the results if the function is unknown or the number of results is
+    /// wrong.
     pub fn take(&mut self, function: &str, results: &[f32]) {
         let arguments = Self::arguments(function);
         if function == POWER && arguments.len() == 2 * results.len() {

@@ -158,8 +158,8 @@ pub(crate) mod sealed {
         fn flush(x: Self::Float) -> Self::Float;
         /// Checks if the float is an unbounded interval. The machine notes the cause of such intervals.
         fn is_unknown(x: Self::Float) -> bool;
-        /// Notes in the unbounded value `x` the operation that made it unbounded: the first cause among `inputs`, or
-        /// `site` if no input has a cause.
+        /// Returns `x`. If `x` is unbounded, notes its cause in it: the first cause among `inputs`, or `site` if no
+        /// input has a cause.
         fn note(
             x: Self::Float,
             inputs: &mut dyn Iterator<Item = Self::Float>,
@@ -189,7 +189,7 @@ pub(crate) mod sealed {
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
         }
-        /// Converts a texture coordinate to the number that filters use: the middle of an interval.
+        /// Converts a texture coordinate to the number that filters use. For an interval, this is its middle.
         fn coordinate(x: Self::Float) -> f64;
     }
 }

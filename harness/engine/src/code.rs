@@ -6,7 +6,7 @@ use crate::coverage::Statement;
 use crate::rules::{FloatRule, FromInt, Half, Integer, Scale, ToInt};
 use crate::scalar::{File, Scalar};
 
-/// A register: a column with one value for each lane. `file` says whether these are floats, integers or booleans.
+/// A register: a column with one value for each lane. `file` is the type of the values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) struct Reg {
     pub(crate) file: File,
@@ -65,7 +65,8 @@ pub(crate) enum Op {
     /// Tests if a float is NaN. `IsInf` tests if a float is infinite.
     IsNan,
     IsInf,
-    /// Registers: the result, the condition, the value for true, the value for false.
+    /// Selects one of two values by a condition. Registers: the result, the condition, the value for true, the value
+    /// for false.
     Select(File),
     /// Copies a value in all lanes.
     Move(File),
@@ -80,7 +81,8 @@ pub(crate) enum Op {
     /// Copies the candidate that an index selects. Registers: the result, the candidates, the index. The `u32` is the
     /// number of candidates. The `bool` is `true` if the index is signed.
     Pick(File, u32, bool),
-    /// Copies the element of the table [`Code::tables`]`[u32]` that an index selects. Registers: the result, the index.
+    /// Copies the element that an index selects from the table [`Code::tables`]`[u32]`. Registers: the result, the
+    /// index.
     Table(File, u32),
     /// Loads a scalar from a buffer, with the indexing [`Code::walks`]`[u32]`. Registers: the result, the indices.
     Load(Scalar, u32),
@@ -96,15 +98,16 @@ pub(crate) enum Op {
     /// Writes a texel. Registers: the texel's floats (if any), the coordinates and the layer, the texel's integers (if
     /// any).
     ImageStore(u32),
-    /// Reports lanes in which a computed integer has wrapped around: an index, or a difference that becomes a float.
-    /// Registers: the integer, and the registers from which it is computed. [`Code::wraps`] describes the computation.
+    /// Reports lanes in which a computed integer has wrapped around: an index, or a difference that is converted to a
+    /// float, as in `f32(a - b)`. Registers: the integer, and the registers from which it is computed. [`Code::wraps`]
+    /// describes the computation.
     Wrap(u32),
 
     /// Begins a branch. Jumps to `Else` or `EndIf` if the condition holds in no active lane. Register: the condition.
     If,
     /// Begins the other branch. Jumps to `EndIf` if no lane takes this branch. Register: the condition.
     Else,
-    /// Ends an `if`. If no lane is active after it, jumps to the end of the enclosing branch or other construct.
+    /// Ends an `if`. If no lane is active after it, jumps to the end of the enclosing branch, loop body or call.
     /// `EndSwitch`, `EndCall` and (after a loop) `Skip` also do this.
     EndIf,
     Switch,
@@ -191,11 +194,11 @@ pub(crate) enum Count {
     },
 }
 
-/// A computed integer that may wrap around: an index, or a difference that becomes a float.
+/// A computed integer that may wrap around: an index, or a difference that is converted to a float.
 #[derive(Clone, Debug)]
 pub(crate) struct Wrap {
     pub(crate) buffer: Option<u32>,
-    /// The array that the integer indexes. `None` if the integer is a difference that becomes a float.
+    /// The array that the integer indexes. `None` if the integer isn't an index.
     pub(crate) step: Option<Step>,
     /// The computation of the integer in postfix order: operands before the operation that uses them.
     pub(crate) terms: Vec<Term>,
@@ -220,7 +223,7 @@ pub(crate) struct Walk {
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// `true` for accesses to a buffer that aren't atomic. Atomics don't race with each other.
+    /// `true` for a non-atomic access to a buffer. Atomics don't race with each other.
     pub(crate) plain: bool,
 }
 
@@ -345,8 +348,8 @@ pub(crate) struct HandleSlot {
 /// An operation on a texture.
 ///
 /// The float operands are in this order: the coordinates, the depth reference, and the level or both gradients. The
-/// integer operands of a load are the coordinates, the layer, the sample and the level. The integer operands of a
-/// sample are the layer and the offset.
+/// integer operands of `textureLoad` are the coordinates, the layer, the sample index and the level. The integer
+/// operands of `textureSample` and similar functions are the layer and the offset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageOp {
     pub(crate) texture: u32,

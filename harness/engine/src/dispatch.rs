@@ -97,7 +97,7 @@ fn place_in_tile(index: u32) -> [u32; 3] {
     [quad % across * 2 + pixel % 2, quad / across * 2 + pixel / 2, 0]
 }
 
-/// The number of tiles in each direction that cover a draw of `pixels`.
+/// The number of tiles that cover a draw of `pixels`, across and down.
 fn tiles(pixels: [u32; 3]) -> [u32; 3] {
     [pixels[0].div_ceil(TILE[0]), pixels[1].div_ceil(TILE[1]), 1]
 }
@@ -203,7 +203,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Swaps the memory and the detector state that are stored here with the current ones.
+    /// Swaps `own` with the current memory of workgroups, and `known` with the detector's current state.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);

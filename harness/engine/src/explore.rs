@@ -1,11 +1,11 @@
 //! Explores the orders of a dispatch's atomics. An order is a sequence of turns: in a turn, one [`Actor`] runs one
 //! atomic and everything up to its next atomic. Of each class of equivalent orders, the explorer runs one.
 //!
-//! Two orders are equivalent if one becomes the other by exchanging neighbouring turns that commute. Accesses of
-//! different words commute, and so do two reads, or two additions whose results nothing uses. A *source set* contains
-//! the turns that the explorer must try at one point of an order, each in its own run. A *sleep set* contains the turns
-//! that would lead to an order of a class that has already run (Abdulla et al. 2014, *Optimal dynamic partial order
-//! reduction*, algorithm 1).
+//! Two orders are equivalent if one becomes the other by exchanging neighbouring turns that commute. Two accesses
+//! commute if they access different words, if both read, or if both add and no operation uses their results. A *source
+//! set* contains the turns that the explorer must try at one point of an order, each in its own run. A *sleep set*
+//! contains the turns that would only lead to orders that are equivalent to earlier ones (Abdulla et al. 2014, *Optimal
+//! dynamic partial order reduction*, algorithm 1).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -18,8 +18,8 @@ use crate::schedule::{Actor, Turns};
 /// bytes.
 pub(crate) type Word = (u32, u32, u32);
 
-/// The kind of an atomic access. Two accesses of one word commute if they have the same kind. Accesses of the kind
-/// `Changes` never commute.
+/// The kind of an atomic access. Two accesses of one word commute if both have the same kind, other than
+/// `Changes`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
@@ -86,7 +86,7 @@ impl Step {
     }
 }
 
-/// A vector clock of a point in a run: for each actor, by number, how many of its turns come before this point.
+/// A vector clock at a point in a run: for each actor, the number of its turns before this point.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {

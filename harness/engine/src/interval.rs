@@ -88,7 +88,7 @@ impl Interval {
         self.lo.is_finite() && self.hi.is_finite()
     }
 
-    /// Checks if the interval contains `x`. An unbounded interval contains all values, also NaN and infinities.
+    /// Checks if the interval contains `x`. An unbounded interval contains all values, including NaN and infinities.
     #[must_use]
     pub fn contains(self, x: f64) -> bool {
         !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
@@ -114,8 +114,8 @@ impl Interval {
         Self { cause: other.cause, ..self }
     }
 
-    /// Combines this interval, which includes all orders, with the interval of the written order. If only the interval
-    /// of the written order is bounded, returns an unbounded interval with the flag [`REORDERED`].
+    /// Combines this interval, which contains the results of all orders, with the interval of the written order. If
+    /// only the interval of the written order is bounded, returns an unbounded interval with the flag [`REORDERED`].
     fn unless_written(self, written: Self) -> Self {
         match (self.is_bounded(), written.is_bounded()) {
             (true, true) => self,
@@ -423,10 +423,10 @@ enum End {
 
 /// Widens a range of exact results by their errors.
 ///
-/// An ulp doubles at a power of two. So the lowest result, including errors, may belong to a number just above a power
-/// of two, instead of to `least`. In a negative range, the same holds for the highest result and `most`. For an error
-/// such as `3 + 2 |x|` ulps, the factor may be slightly larger at the power of two than at the end of the range.
-/// `ELSEWHERE` covers this change of the factor, which is less than 2^-20.
+/// An ulp doubles at a power of two. So the lowest result, including its error, may come from an exact result just
+/// above a power of two, and not from `least`. In a negative range, the same holds for the highest result and `most`.
+/// An error such as `3 + 2 |x|` may have slightly more ulps at the power of two than at the end of the range.
+/// `ELSEWHERE` covers this difference, which is less than 2^-20 of the error.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);

@@ -72,7 +72,7 @@
 //! - In [`F64`], a bitcast of a float first rounds the float to `f32`. [`F64`] doesn't round values of type `f16`.
 //! - `pow(x, y)` is NaN for each x below zero, like `exp2(y * log2(x))`.
 //! - Integers wrap around. A division by zero returns the dividend, and the remainder is 0. A shift by `n` bits shifts
-//!   by `n % 32`. Conversions from floats to integers saturate. The code that naga generates has the same rules.
+//!   by `n % 32`. Conversions from floats to integers saturate. The code that naga generates follows the same rules.
 //! - In [`Intervals`], a subnormal may be flushed to zero, so the interval also contains zero. A result that overflows
 //!   is unbounded, and everything that is computed from it is unbounded, too. [`Program::cause`] returns the operation
 //!   that made it unbounded.

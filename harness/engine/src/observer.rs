@@ -63,7 +63,7 @@ pub struct Here<'a, A: Arithmetic> {
     pub site: &'a Site,
     /// The case of the first lane.
     pub case: usize,
-    /// Computes the lanes. It is a function because few observers need the lanes.
+    /// Computes the lanes on demand, because few observers need them.
     pub(crate) lanes: &'a dyn Fn() -> Cow<'a, [A::Bool]>,
 }
 

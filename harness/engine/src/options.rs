@@ -40,7 +40,7 @@ impl Elsewhere {
 /// The effect of reads and writes whose index is outside of the array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
-    /// The effect of a read.
+    /// The element that a read returns.
     pub reads: Elsewhere,
     /// `true` if a write outside of the array has no effect. Otherwise the write changes the nearest element.
     pub drops: bool,

@@ -263,8 +263,8 @@ impl Sum {
     /// The bounds of the sum for all orders of its additions. `count` terms need `count - 1` additions. The last
     /// addition rounds the result. Each other addition rounds a partial sum to a neighbouring float, so its error is
     /// less than the distance between two floats near the largest partial sum. All results are multiples of 2^`step`.
-    /// In addition, `more` terms are rounded, each with at most the error of a partial sum. `None` if a sum may
-    /// overflow.
+    /// `more` is the number of terms that are rounded, too, each with at most the error of a partial sum. `None` if a
+    /// sum may overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);

@@ -1,5 +1,5 @@
-//! Finds integers that may wrap around at 32 bits: differences that become floats, and indices that are computed from
-//! sums and products.
+//! Finds integers that may wrap around at 32 bits: differences that are converted to floats, and indices that are
+//! computed from sums and products.
 
 use super::memory::Index;
 use super::{Lower, Lowered};

@@ -188,8 +188,8 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Makes the active lanes jump to the end of an open construct: the construct that contains the `depth` innermost
-    /// open constructs. `breaks` is `true` for `break`, and `false` for `continue` and `return`.
+    /// Makes the active lanes jump to the end of an open construct: the innermost one if `depth` is 0, the one around
+    /// it if `depth` is 1. `breaks` is `true` for `break`, and `false` for `continue` and `return`.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for frame in self.frames[target + 1..].iter_mut().rev() {

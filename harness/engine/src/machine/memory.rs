@@ -85,8 +85,8 @@ impl Step {
     }
 }
 
-/// Calls `visit` with each offset that the indices of a lane may select. In intervals, an index may select several.
-/// Returns `true` if an index was clamped.
+/// Calls `visit` with each offset that the indices of a lane may select. In intervals, an index may select several
+/// offsets. Returns `true` if an index was clamped.
 pub(super) fn walk_lane<A: Rules>(
     (walk, elsewhere): (&Walk, Elsewhere),
     indices: &[u32],

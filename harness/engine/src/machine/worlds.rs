@@ -8,9 +8,9 @@
 //! simply overwrites a variable. If a `break` depends on an undecided condition, one world leaves the loop, and the
 //! other world stays.
 //!
-//! If a world jumps out of a construct, another world of the same lane may still have to run there. Then the world that
-//! jumped waits at the jump's target, with its variables in `waiting`. If the lane has no other world there, the
-//! variables stay in the registers.
+//! If a world jumps out of a construct, another world of the same lane may still have to run in the construct. Then the
+//! world that jumped waits at the jump's target, with its variables in `waiting`. If the lane has no other world in the
+//! construct, the variables stay in the registers.
 
 use crate::arithmetic::sealed::Rules;
 use crate::code::Code;
@@ -87,9 +87,9 @@ impl<A: Rules> State<A> {
 
 struct Frame<A: Rules> {
     saved: Box<[bool]>,
-    /// The lanes that have reached the end of the construct, and have their variables in the registers.
+    /// The lanes that wait at the end of the construct with their variables in the registers.
     ended: Box<[bool]>,
-    /// The lanes that wait for the end of a loop's body, and have their variables in the registers.
+    /// The lanes that wait, after a `continue`, at the end of the loop's body with their variables in the registers.
     continued: Box<[bool]>,
     /// The variables at the construct's entry, for the lanes that fork.
     start: State<A>,
@@ -99,7 +99,7 @@ struct Frame<A: Rules> {
 }
 
 impl<A: Rules> Frame<A> {
-    /// Checks if the lane has another world in this construct: one that still has to run, or one that waits.
+    /// Checks if this frame stores a copy of the lane's variables, for a branch that still has to run or that waits.
     fn forks(&self, lane: usize) -> bool {
         self.start.here[lane] || self.waiting.here[lane] || self.round.here[lane]
     }
@@ -311,7 +311,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Checks if one world of the lane has left the innermost loop, and another world is still in the loop.
+    /// Checks if the lane has left the innermost loop in one branch of an undecided condition, and is still in the loop
+    /// in the other branch.
     pub(crate) fn is_divided(&self, lane: usize) -> bool {
         self.current[lane] && self.frames.last().is_some_and(|frame| frame.waiting.here[lane])
     }

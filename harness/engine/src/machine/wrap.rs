@@ -6,7 +6,8 @@ use crate::code::Term;
 
 impl<A: Rules> Machine<'_, A> {
     /// Notes the lanes whose index has wrapped around and is still inside of the array. The access itself reports an
-    /// index outside of the array. For a difference that becomes a float, notes the lanes in which it is below 0.
+    /// index outside of the array. For a difference that is converted to a float, notes the lanes in which the exact
+    /// difference is below 0.
     pub(super) fn wrapped(&mut self, wrap: u32, registers: &[u32], memory: &Memory<'_, A>) {
         // In intervals, an index that wraps may have any value, so it may be outside.
         if A::UNDECIDED {
