@@ -346,9 +346,9 @@ fn parallax_box() {
         .agrees_with(environment::parallax_box, Abs(2e-5));
 }
 
-/// The result is continuous where two walls meet. There, rounding decides which of the two walls a ray hits. So a
-/// slightly rotated ray must hit nearly the same point. The point moves by the angle of the rotation, times the squared
-/// length of the ray (at most 35), divided by the distance to the wall (at least 0.11).
+/// Tests rays to the edges between two walls, where rounding decides which wall a ray hits. The result is continuous
+/// there, so a slightly rotated ray must hit nearly the same point. The point moves by the angle of the rotation, times
+/// the squared length of the ray (at most 35), divided by the distance to the wall (at least 0.11).
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;
@@ -415,8 +415,8 @@ fn parallax_sphere_ends_on_the_sphere() {
         });
 }
 
-/// If a point lies on the sphere and its ray is a tangent of the sphere, both terms below the root are 0, and the ray
-/// ends at the point. The test uses axes and powers of two, so that no operation rounds.
+/// If a point lies on the sphere and its ray is a tangent of the sphere, both terms under the square root are 0, and
+/// the ray ends at the point. The test uses axes and powers of two, so that no operation rounds.
 // Lesson 31
 #[test]
 fn parallax_sphere_touches_the_sphere() {

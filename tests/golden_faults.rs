@@ -1,4 +1,4 @@
-//! Tests which faults the default tolerance of frames detects, and which changes it accepts.
+//! Checks that the default tolerance of frames detects faults and accepts harmless changes.
 //!
 //! The tests plant each fault in a scene that they render on the CPU: spheres with highlights and shadows on a
 //! chequered floor, 640 x 360 pixels in HDR, once without noise and once with noise. The tests write a table of the

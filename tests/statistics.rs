@@ -561,7 +561,7 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
 }
 
-/// The planted samplers have lost a dimension: their samples all have the same azimuth, or are among only 64 values.
+/// The planted samplers have lost a dimension: their samples all have the same azimuth, or only 64 different values.
 /// Karat chooses the cells of its histogram by the quantiles of earlier samples. Even if many samples are equal, the
 /// check has enough cells to find the fault.
 #[test]
