@@ -91,9 +91,9 @@ fn noise(size: u32) -> CubeMap {
     CubeMap::from_levels(size, levels.collect())
 }
 
-/// At the centre of a texel, the filter returns the colour of this texel alone. Rounding the direction moves the point
-/// by less than 1/256 of a texel, which is one step of the filter's weights. An error of one whole step would change a
-/// colour by up to 1/256, which is far above the tolerance.
+/// At the centre of a texel, the filter returns the colour of this texel alone. Rounding the direction moves the
+/// sampled point by less than 1/256 of a texel, which is one step of the filter's weights. An error of one whole step
+/// would change a colour by up to 1/256, which is far above the tolerance.
 #[test]
 fn a_texel_is_found_at_its_centre() {
     let size = 8;
@@ -337,8 +337,8 @@ fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
     })
 }
 
-/// The function computes a difference, a quotient (2.5 ulp) and a product, so the distance of up to 35 has a relative
-/// error of 5e-7. In addition, two points with coordinates up to 10 are rounded.
+/// The function computes a difference, a quotient (2.5 ulp) and a product, so the length of the ray, up to 35, has a
+/// relative error of 5e-7. In addition, two points with coordinates up to 10 are rounded.
 #[test]
 fn parallax_box() {
     PBR.function("environment::parallax_box")
@@ -348,7 +348,7 @@ fn parallax_box() {
 
 /// Tests rays to the edges between two walls, where rounding decides which wall a ray hits. The result is continuous
 /// there, so a slightly rotated ray must hit nearly the same point. The point moves by the angle of the rotation, times
-/// the squared length of the ray (at most 35), divided by the distance to the wall (at least 0.11).
+/// the square of the ray's length (at most 35^2), divided by the distance to the wall (at least 0.11).
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;

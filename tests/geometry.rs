@@ -98,9 +98,9 @@ fn smith_schlick_ggx() {
         .agrees_with(geometry::smith_schlick_ggx, Ulp(12.0).or(UNDERFLOW));
 }
 
-/// The approximation of erf(a) has an error of 1.5e-7. The denominator of G1 contains `a * erf(a)` and is at least `2 *
-/// a`, so the relative error of G1 is at most half of 1.5e-7. The other 14 ulp come from the exponential (5 ulp at a =
-/// 1), a square root and divisions.
+/// The approximation of erf(a) has an error of 1.5e-7. The denominator of G1 contains `a * erf(a)` and is at least
+/// `2a`, so the relative error of G1 is at most half of 1.5e-7. The other 14 ulp come from the exponential (5 ulp at a
+/// = 1), a square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")

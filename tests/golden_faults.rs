@@ -99,7 +99,8 @@ fn scaled(image: &Image, factor: f32) -> Image {
     Image::new(WIDTH, HEIGHT, pixels.collect())
 }
 
-/// Replaces `count` pixels at edges by their right neighbours. The pixels are evenly spread over all pixels at edges.
+/// Replaces `count` pixels at edges by the pixels to their right. The pixels are evenly spread over all pixels at
+/// edges.
 fn edges_moved(image: &Image, count: usize) -> Image {
     let bright = |pixel: &[f32; 4]| pixel[0] + pixel[1] + pixel[2];
     let edge = |index: &usize| {

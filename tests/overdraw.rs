@@ -177,7 +177,7 @@ fn judge(
 }
 
 /// Each pixel shows the nearest sphere that has no hole there. The test leaves out pixels near the edge of a hole,
-/// where the sphere may have a hole and its facet none.
+/// where the sphere may have a hole that its facet lacks, or the reverse.
 // Lesson 33
 #[test]
 fn holes_show_the_next_sphere() {

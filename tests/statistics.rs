@@ -463,7 +463,7 @@ fn what_cannot_be_is_rejected_outright() {
     assert!(matches!(found[0], Finding::NotFinite { .. }), "{found:?}");
 }
 
-/// A check that could prove nothing is an error: for example, a check with too few samples.
+/// Karat reports an error for a check that could prove nothing, such as a check with too few samples.
 #[test]
 fn what_proves_nothing_is_an_error() {
     let planted = planted();
