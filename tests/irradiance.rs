@@ -1,6 +1,6 @@
-//! Tests diffuse light from an environment. For a constant environment, all methods of the shaders are exact, except
-//! for `loop_corrected`. For a linear environment and a cosine lobe, the tests know the exact result. Other tests
-//! compare the shaders with references that use the same directions.
+//! Tests diffuse light from an environment. For a constant environment, most methods of the shaders are exact. For a
+//! linear environment and a cosine lobe, the tests know the exact result. Other tests compare the shaders with
+//! references that use the same directions.
 
 use std::f64::consts::SQRT_2;
 
