@@ -156,8 +156,9 @@ fn radiance_level_inside_faces() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Tests directions near and on the edges of the cube, and near its corners. Some levels are beyond the last mip level.
-/// Only wgpu's desktop GL is declared to fail, because it doesn't filter across the edges of faces.
+/// Tests directions near and on the edges of the cube, and near its corners. Some of the requested levels are below 0
+/// or beyond the last mip level. Only wgpu's desktop GL is declared to fail, because it doesn't filter across the edges
+/// of faces.
 #[test]
 fn radiance_level_across_edges() {
     let cube_map = noise(16);
@@ -223,8 +224,7 @@ fn face_direction() {
 }
 
 /// The shader of an article (see `shaders/README.md`) defines the cube's faces with coordinates in -1..=1 and y upward.
-/// Its `switch` handles face 4 in the `default` branch. The test shows that the article and WebGPU define the same
-/// faces.
+/// The test shows that the article and WebGPU define the same faces.
 // Lesson 10: each direction has its own reference
 #[test]
 fn the_faces_of_the_article() {

@@ -74,7 +74,7 @@ fn a_pre_pass_without_the_holes_changes_the_image() {
     }
 }
 
-/// The test leaves out normals at the edge of a hole, where four times the Y of the normal may round up or down.
+/// The test leaves out normals at the edge of a hole, where rounding decides if `fract(4.0 * normal.y)` is below 0.4.
 #[test]
 fn is_hole() {
     let away = UnitVector.filter(|n: &Vec3| overdraw::from_edge(n.as_dvec3()) > 1e-6);
