@@ -91,9 +91,9 @@ fn noise(size: u32) -> CubeMap {
     CubeMap::from_levels(size, levels.collect())
 }
 
-/// At the centre of a texel, the filter returns the colour of this texel alone. Rounding the direction moves the point
-/// by less than 1/256 of a texel, which is one step of the filter's weights. An error of one whole step would change a
-/// colour by up to 1/256, which is far above the tolerance.
+/// At the centre of a texel, the filter returns the colour of this texel alone. Rounding the direction moves the
+/// sampled point by less than 1/256 of a texel, which is one step of the filter's weights. An error of one whole step
+/// would change a colour by up to 1/256, which is far above the tolerance.
 #[test]
 fn a_texel_is_found_at_its_centre() {
     let size = 8;
@@ -156,8 +156,9 @@ fn radiance_level_inside_faces() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Tests directions near and on the edges of the cube, and near its corners. Some levels are beyond the last mip level.
-/// Only wgpu's desktop GL is declared to fail, because it doesn't filter across the edges of faces.
+/// Tests directions near and on the edges of the cube, and near its corners. Some of the requested levels are below 0
+/// or beyond the last mip level. Only wgpu's desktop GL is declared to fail, because it doesn't filter across the edges
+/// of faces.
 #[test]
 fn radiance_level_across_edges() {
     let cube_map = noise(16);
@@ -223,8 +224,7 @@ fn face_direction() {
 }
 
 /// The shader of an article (see `shaders/README.md`) defines the cube's faces with coordinates in -1..=1 and y upward.
-/// Its `switch` handles face 4 in the `default` branch. The test shows that the article and WebGPU define the same
-/// faces.
+/// The test shows that the article and WebGPU define the same faces.
 // Lesson 10: each direction has its own reference
 #[test]
 fn the_faces_of_the_article() {
@@ -337,8 +337,8 @@ fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
     })
 }
 
-/// The function computes a difference, a quotient (2.5 ulp) and a product, so the distance of up to 35 has a relative
-/// error of 5e-7. In addition, two points with coordinates up to 10 are rounded.
+/// The function computes a difference, a quotient (2.5 ulp) and a product, so the length of the ray, up to 35, has a
+/// relative error of 5e-7. In addition, two points with coordinates up to 10 are rounded.
 #[test]
 fn parallax_box() {
     PBR.function("environment::parallax_box")
@@ -346,9 +346,9 @@ fn parallax_box() {
         .agrees_with(environment::parallax_box, Abs(2e-5));
 }
 
-/// The result is continuous where two walls meet. There, rounding decides which of the two walls a ray hits. So a
-/// slightly rotated ray must hit nearly the same point. The point moves by the angle of the rotation, times the squared
-/// length of the ray (at most 35), divided by the distance to the wall (at least 0.11).
+/// Tests rays to the edges between two walls, where rounding decides which wall a ray hits. The result is continuous
+/// there, so a slightly rotated ray must hit nearly the same point. The point moves by the angle of the rotation, times
+/// the square of the ray's length (at most 35^2), divided by the distance to the wall (at least 0.11).
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;
@@ -415,8 +415,8 @@ fn parallax_sphere_ends_on_the_sphere() {
         });
 }
 
-/// If a point lies on the sphere and its ray is a tangent of the sphere, both terms below the root are 0, and the ray
-/// ends at the point. The test uses axes and powers of two, so that no operation rounds.
+/// If a point lies on the sphere and its ray is a tangent of the sphere, both terms under the square root are 0, and
+/// the ray ends at the point. The test uses axes and powers of two, so that no operation rounds.
 // Lesson 31
 #[test]
 fn parallax_sphere_touches_the_sphere() {

@@ -33,8 +33,8 @@ fn nothing_is_hidden_where_v_dot_h_vanishes() {
 }
 
 /// The function computes two quotients of products, each with an error of 2.5 ulp. The larger cosine is at least 1e-18.
-/// The smaller cosine goes down to the smallest normal f32, for which the product 4 N.V N.L underflows to 0. As for any
-/// half vector, V.H and N.H are at least half the sum of the two cosines.
+/// The smaller cosine goes down to the smallest normal f32, for which the product 4 N.V N.L underflows to 0. The test's
+/// V.H and N.H are at least half the sum of N.V and N.L, which is true for every half vector.
 #[test]
 fn v_cavity_visibility() {
     let cosines = (-18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
@@ -51,7 +51,7 @@ fn v_cavity_visibility() {
         .agrees_with(geometry::v_cavity_visibility, Ulp(8.0));
 }
 
-/// WGSL allows `sqrt` the error of `1 / inverseSqrt`, 4.5 ulp. With the errors of the sum below the root and of the
+/// WGSL allows `sqrt` the error of `1 / inverseSqrt`, 4.5 ulp. With the errors of the sum under the root and of the
 /// division, the result has an error of up to 10 ulp.
 #[test]
 fn smith_g1() {
@@ -98,9 +98,9 @@ fn smith_schlick_ggx() {
         .agrees_with(geometry::smith_schlick_ggx, Ulp(12.0).or(UNDERFLOW));
 }
 
-/// The approximation of erf(a) has an error of 1.5e-7. The denominator of G1 contains a erf(a) and is at least 2 a, so
-/// the relative error of G1 is at most half of 1.5e-7. The other 14 ulp come from the exponential (5 ulp at a = 1), a
-/// square root and divisions.
+/// The approximation of erf(a) has an error of 1.5e-7. The denominator of G1 contains `a * erf(a)` and is at least
+/// `2a`, so the relative error of G1 is at most half of 1.5e-7. The other 14 ulp come from the exponential (5 ulp at a
+/// = 1), a square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")

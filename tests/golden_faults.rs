@@ -1,4 +1,4 @@
-//! Tests which faults the default tolerance of frames detects, and which changes it accepts.
+//! Checks that the default tolerance of frames detects faults and accepts harmless changes.
 //!
 //! The tests plant each fault in a scene that they render on the CPU: spheres with highlights and shadows on a
 //! chequered floor, 640 x 360 pixels in HDR, once without noise and once with noise. The tests write a table of the
@@ -99,7 +99,8 @@ fn scaled(image: &Image, factor: f32) -> Image {
     Image::new(WIDTH, HEIGHT, pixels.collect())
 }
 
-/// Replaces `count` pixels at edges by their right neighbours. The pixels are evenly spread over all pixels at edges.
+/// Replaces `count` pixels at edges by the pixels to their right. The pixels are evenly spread over all pixels at
+/// edges.
 fn edges_moved(image: &Image, count: usize) -> Image {
     let bright = |pixel: &[f32; 4]| pixel[0] + pixel[1] + pixel[2];
     let edge = |index: &usize| {

@@ -1,4 +1,4 @@
-//! Tests diffuse light from an environment. All methods of the shaders are exact for a constant environment. For a
+//! Tests diffuse light from an environment. For a constant environment, most methods of the shaders are exact. For a
 //! linear environment and a cosine lobe, the tests know the exact result. Other tests compare the shaders with
 //! references that use the same directions.
 
@@ -16,9 +16,9 @@ use crate::drivers::{SINE, SWIFTSHADER};
 /// A face reaches from -1 to 1 and has 64 x 64 texels, so neighbouring texels are 1/32 apart. Linear interpolation has
 /// an error of at most 1/8 of the squared distance times the curvature. The curvature is at most 2, so this error is at
 /// most 2.5e-4. The filter's weights have 8 bits, and neighbouring texels differ by 1/32, so rounding the weights adds
-/// an error of 6e-5. On GL, texels are half floats, with a mean error of 2.4e-4 in 1..2. Also on GL, 3 % of directions
-/// are within half a texel of a face's edge. There, the filter reads only one face, with an error of 1/64 at the edge.
-/// Both errors of GL may be positive or negative, so they nearly vanish in a mean.
+/// an error of 6e-5. On GL, texels are half floats, with a mean error of 2.4e-4 for values in 1..2. Also on GL, 3 % of
+/// directions are within half a texel of a face's edge. There, the filter reads only one face, with an error of 1/64 at
+/// the edge. GL's errors may be positive or negative, so they nearly vanish in a mean.
 const INTERPOLATION: f64 = 3e-4;
 
 const SIZE: u32 = 64;
@@ -192,7 +192,7 @@ fn few_steps_agree_with_their_twin() {
 }
 
 /// Uses few texels, 6 to 96, so that an error in any single texel shows. On GL texels are half floats, with an error of
-/// up to 4.9e-4 in 1..2.
+/// up to 4.9e-4 for values in 1..2.
 // Lesson 32
 #[test]
 fn few_texels_agree_with_their_twin() {
@@ -338,9 +338,9 @@ fn filtered_directions_blur_as_much_as_their_texels() {
     }
 }
 
-/// The reference reads the same mip levels. Drivers round the weight between two levels to 8 bits, and the texels of
-/// the levels differ by up to 1/4. GL doesn't filter texels across the edges of faces. On a level of 8 x 8 texels, a
-/// quarter of the directions are near an edge and have a positive or negative error of up to 1/8.
+/// The reference reads the same mip levels as the shader. Drivers round the weight between two levels to 8 bits, and
+/// the texels of the levels differ by up to 1/4. GL doesn't filter texels across the edges of faces. On a level of 8 x
+/// 8 texels, a quarter of the directions are near an edge and have a positive or negative error of up to 1/8.
 // Lesson 22: a tolerance of one path
 #[test]
 fn filtered_directions_agree_with_their_twin() {

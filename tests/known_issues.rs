@@ -22,8 +22,8 @@ fn mix_ends_at_its_second_value() {
         .agrees_with(|_: f64, y: f64, _: f64| y, Ulp(1.0));
 }
 
-/// Each face has its direction as its colour, so a corner shows the mean of three faces. To sample the corner, Vulkan
-/// 1.3 (section 16.5.4) first chooses one face. If components are equally large, it prefers the Z face to the Y face,
+/// Each face has its direction as its colour. At a corner, a linear filter returns the mean of the three faces that
+/// meet there. The filter starts from one of these faces: Vulkan 1.3 (section 16.5.4) prefers the Z face to the Y face,
 /// and the Y face to the X face.
 #[test]
 fn a_corner_of_a_cube_belongs_to_a_face() {

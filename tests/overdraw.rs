@@ -74,7 +74,7 @@ fn a_pre_pass_without_the_holes_changes_the_image() {
     }
 }
 
-/// The test leaves out normals at the edge of a hole, where four times the Y of the normal may round up or down.
+/// The test leaves out normals at the edge of a hole, where rounding decides if `fract(4.0 * normal.y)` is below 0.4.
 #[test]
 fn is_hole() {
     let away = UnitVector.filter(|n: &Vec3| overdraw::from_edge(n.as_dvec3()) > 1e-6);
@@ -109,7 +109,7 @@ struct Hit {
 
 /// The largest distance between the unit sphere and a facet of its mesh, at the middle of the facet. Facets are 5.6
 /// degrees wide in both directions. At the middle of a facet, the mesh's interpolated normal differs from the sphere's
-/// normal by a vector of the same length.
+/// normal by a vector whose length is also `FACET`.
 const FACET: f64 = 2.5e-3;
 
 /// All hits of the ray through the middle of a pixel. `None` if the ray passes near the rim of a sphere, because the
@@ -176,8 +176,8 @@ fn judge(
     }
 }
 
-/// Each pixel shows the nearest sphere that has no hole there. The test leaves out pixels so near to the edge of a hole
-/// that the difference between facet and sphere decides.
+/// Each pixel shows the nearest sphere that has no hole there. The test leaves out pixels near the edge of a hole,
+/// where the sphere may have a hole that its facet lacks, or the reverse.
 // Lesson 33
 #[test]
 fn holes_show_the_next_sphere() {

@@ -138,7 +138,7 @@ fn ggx_normal_pdf() {
 }
 
 /// WGSL allows `exp(x)` an error of `3 + 2 * abs(x)` ulp. Here, `abs(x)` is at most 87 and `x` has an error of about 6
-/// ulp. All errors together are 87 (2 + 6) + 20 ulp.
+/// ulp. All errors together are `87 * (2 + 6) + 20` ulp.
 #[test]
 fn beckmann_normal_pdf() {
     PBR.function("sampling::beckmann_normal_pdf")
@@ -361,8 +361,8 @@ fn widths() -> impl Domain<Value = f32> {
     OneOf(vec![0.01, 0.1, 0.5, 1.0])
 }
 
-/// Pairs of a width and a view. The views go from straight above to half a degree above the horizon. The azimuth of the
-/// views isn't along an axis.
+/// Pairs of a width and a view. The views go from straight above to half a degree above the horizon. The horizontal
+/// part of a view is never along the X or Y axis.
 fn seen() -> impl Domain<Value = (f32, Vec3)> {
     let view = |degrees: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();

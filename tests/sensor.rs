@@ -139,11 +139,11 @@ fn reinhard_ends_at_white() {
     PBR.function("sensor::reinhard").over(white).agrees_with(|_: f64, _: f64| 1.0, Ulp(9.0));
 }
 
-/// WGSL computes a power x^y as exp2(y log2 x), here with y = 1 / 2.4. On the curved part of 0..=1, log2 x is at least
-/// -8.4 and at most 0, with an error of up to 3 ulp, 2.9e-6 (2^-21 near x = 1). Multiplied by y and ln 2, this is a
-/// relative error of 8.3e-7 of the power. Computing exp2 of exponents between -3.5 and 0 adds 10 ulp, or 1.2e-6.
-/// Subtracting 0.055 raises the relative error to 3e-6 for the darkest results, 0.04. Above 1, log2 and the exponent
-/// have similar sizes, so the same bound holds.
+/// WGSL computes a power x^y as exp2(y log2 x), here with y = 1 / 2.4. On the curved part of 0..=1, log2 x is between 0
+/// and -8.4, with an error of up to 3 ulp, 2.9e-6 (2^-21 near x = 1). Multiplied by y and ln 2, this is a relative
+/// error of 8.3e-7 of the power. Computing exp2 of exponents between -3.5 and 0 adds 10 ulp, or 1.2e-6. Subtracting
+/// 0.055 raises the relative error to 3e-6 for the darkest results, 0.04. For colours from 1 to 100, log2 x is at most
+/// 6.7 and the exponent at most 2.8, so the same bound holds.
 #[test]
 fn srgb_from_linear() {
     PBR.function("sensor::srgb_from_linear")

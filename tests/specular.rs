@@ -336,7 +336,7 @@ fn the_split_sum_in_the_studio() {
 
 /// A surface with alpha = 0.3 reflects a sun that is 4 degrees wide. The 32 samples are about 10 degrees apart. If the
 /// shader reads higher mip levels, the reflected light has an error of at most 40 %. If it reads only the first level,
-/// samples may miss the sun, and the result may be 0 or 2.5 times too bright.
+/// samples may miss the sun, and the result may be black, or 2.5 times too bright.
 #[test]
 fn higher_levels_hold_a_small_sun() {
     let axis = DVec3::new(0.2, 0.3, 1.0).normalize();

@@ -463,7 +463,7 @@ fn what_cannot_be_is_rejected_outright() {
     assert!(matches!(found[0], Finding::NotFinite { .. }), "{found:?}");
 }
 
-/// A check that could prove nothing is an error: for example, a check with too few samples.
+/// Karat reports an error for a check that could prove nothing, such as a check with too few samples.
 #[test]
 fn what_proves_nothing_is_an_error() {
     let planted = planted();
@@ -561,7 +561,7 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
 }
 
-/// The planted samplers have lost a dimension: their samples all have the same azimuth, or are among only 64 values.
+/// The planted samplers have lost a dimension: their samples all have the same azimuth, or only 64 different values.
 /// Karat chooses the cells of its histogram by the quantiles of earlier samples. Even if many samples are equal, the
 /// check has enough cells to find the fault.
 #[test]

@@ -121,8 +121,8 @@ fn the_plan_names_the_tests_of_each_lesson() {
     }
 }
 
-/// No test is switched off. Even tests of known issues run. Only the long tests in folders `review` are ignored, and
-/// `cargo ci full` runs them.
+/// Checks that no test is switched off, except for the long tests in folders `review`, which `cargo ci full` runs. Even
+/// tests of known issues run.
 // Lesson 8: no test is ignored
 #[test]
 fn no_test_is_switched_off() {

@@ -101,8 +101,8 @@ impl Shot {
     }
 }
 
-/// The paths that work on this machine, in the order in which tests use the paths: first one for each API, then paths
-/// from environment variables, such as a path with a second driver.
+/// The paths that work on this machine, in the order in which tests use the paths: first one path for each API, then
+/// paths from environment variables, such as a path with a second driver.
 ///
 /// # Panics
 ///

@@ -495,7 +495,7 @@ fn flushing(least: &str, body: &str) -> Package {
     Package::from_source("planted", &wgsl)
 }
 
-/// The bits of the smallest normal f32. All numbers below it are subnormal.
+/// The bits of the smallest normal f32, below which all positive numbers are subnormal.
 const SUBNORMAL: &str = "0x800000u";
 const ONE_NORMAL: &str = "0x800001u";
 

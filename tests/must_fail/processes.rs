@@ -75,8 +75,8 @@ fn the_validity_of_a_package_is_recorded() {
     }
 }
 
-/// If `KARAT_CASE` names no check of the program, the run fails, and the message suggests the most similar check. If it
-/// names the second check of the program, the replay passes.
+/// If `KARAT_CASE` names no check of the program, the run fails, and the message suggests the most similar check. If
+/// `KARAT_CASE` names the second check of the program, the replay passes.
 // Lesson 65
 #[test]
 fn a_replay_of_nothing() {

@@ -1,4 +1,4 @@
-//! Tests verbs for statements, symmetries, monotony and limits, most of which need no reference.
+//! Tests verbs for statements, symmetries, monotonicity and limits, most of which need no reference.
 
 use glam::{DQuat, Vec3};
 use karat::check::Failure;

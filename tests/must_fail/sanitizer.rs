@@ -928,8 +928,8 @@ fn one_pass_of_several_depends_on_its_order() {
     assert!(order.location.starts_with("<two>:3:"), "{order}");
 }
 
-/// One access of a race is in a function that is defined above its caller. No loop contains the two lines, so Karat
-/// advises a barrier between them.
+/// One access of a race is in a function that is defined above its caller. No loop contains the lines of both accesses,
+/// so Karat advises a barrier between the accesses.
 #[test]
 fn a_race_with_a_function_above() {
     let load = "fn load(i: u32) -> u32 { return tile[i]; }";

@@ -203,8 +203,8 @@ fn integral() -> String {
         .to_string()
 }
 
-/// A check whose failing input Karat keeps for the next run. The second argument chooses a variant of the function or
-/// of the check, such as `mended`. The check panics if it fails.
+/// A check whose failing input Karat keeps for the next run. The program's second argument chooses a variant of the
+/// function or of the check, such as `mended`. The check panics if it fails.
 fn kept() -> Result<String, String> {
     let change = std::env::args().nth(2).unwrap_or_default();
     let condition = match change.as_str() {

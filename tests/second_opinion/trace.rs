@@ -75,7 +75,7 @@ impl Scene {
         ((0.5 * (ndc.x + 1.0) * width) as u32, (0.5 * (1.0 - ndc.y) * height) as u32)
     }
 
-    /// The ray's nearest hit of a triangle's front.
+    /// The nearest point at which the ray hits the front of a triangle.
     pub(crate) fn trace(&self, ray: Ray) -> Option<Hit> {
         let mut nearest: Option<Hit> = None;
         for (instance, centre) in (0..).zip(&self.centres) {
