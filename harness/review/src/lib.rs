@@ -3,7 +3,8 @@
 //! The review is one page, and works offline. [`Review::write`] writes the page as files, which show the differences
 //! and the commands to type. [`Review::serve`] serves the same page to this machine only, and on the served page you
 //! can accept and reject frames. A [`Case`] is the data of one frame. When you look at a frame, the page loads the
-//! frame's pixels from a script `data/<n>.js`, because pages from `file://` may only load scripts.
+//! frame's pixels from a script `data/<n>.js`, because a page from `file://` can't fetch files, but
+//! can load scripts.
 //!
 //! The browser computes the displayed image from the stored floats. [`Goldens`] determines verdicts, and accepts
 //! frames.

@@ -347,7 +347,7 @@ impl Goldens {
         if !self.golden(&pending.case).is_file() {
             return needless(true);
         }
-        // Only the test knows its tolerance and mask. So the finding that the test stored decides.
+        // Only the test knows its tolerance. So the finding that the test stored decides.
         if known.finding.as_ref().is_some_and(|finding| finding.base_passes) {
             return needless(false);
         }

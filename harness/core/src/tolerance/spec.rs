@@ -5,23 +5,24 @@ use std::fmt;
 use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
-/// The largest width that WGSL's range may have, unless a check sets another limit. A range of this width leaves three
-/// decimal digits, which the eye and 8-bit channels need. An `f32` has seven digits, so a shader may lose four of them.
+/// The largest relative difference between the reference and an end of WGSL's range, unless a check sets another limit.
+/// Such a range leaves three decimal digits, which the eye and 8-bit channels need. An `f32` has seven digits, so a
+/// shader may lose four of them.
 const NEED: f64 = 1.0 / 1024.0;
 
-/// The largest width that WGSL's range may have for `f16`, unless a check sets another limit. An `f16` has a relative
-/// precision of 2^-10. A range of this width leaves five of an `f16`'s ten bits. WGSL's range for a single division is
-/// narrower than this limit.
+/// The largest relative difference between the reference and an end of WGSL's range for `f16`, unless a check sets
+/// another limit. An `f16` has a relative precision of 2^-10. Such a range leaves five of an `f16`'s ten bits. WGSL's
+/// range for a single division is narrower than this limit.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
 /// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
 /// it by interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
 ///
 /// A case passes if both the result and the reference are inside of the range, and if the range is narrow. A range is
-/// narrow if its width is at most 2^-10 of the value (2^-5 for `f16`). To set another limit, call
-/// [`needing`](Self::needing). With `Spec`, you needn't choose a tolerance for a first test, and the verdict doesn't
-/// depend on the driver. Cases in which WGSL allows a wider range, or any value, fail. Set a tolerance for these cases
-/// with [`or`](Self::or).
+/// narrow if the reference differs from each end by at most 2^-10 of the reference (2^-5 for `f16`). To set another
+/// limit, call [`needing`](Self::needing). With `Spec`, you needn't choose a tolerance for a first test, and the
+/// verdict doesn't depend on the driver. Cases in which WGSL allows a wider range, or any value, fail. Set a tolerance
+/// for these cases with [`or`](Self::or).
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -35,8 +36,8 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 pub struct Spec;
 
 impl Spec {
-    /// [`Spec`] with another limit for the width of the range. A smaller limit requires more exact digits, a larger
-    /// limit fewer.
+    /// [`Spec`] with another limit for the difference between the reference and an end of the range. A smaller limit
+    /// requires more exact digits, a larger limit fewer.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -88,8 +89,8 @@ impl Spec {
 pub struct DeviceSpec;
 
 impl DeviceSpec {
-    /// [`DeviceSpec`] with another limit for the width of the range. A smaller limit requires more exact digits, a
-    /// larger limit fewer.
+    /// [`DeviceSpec`] with another limit for the difference between the reference and an end of the range. A smaller
+    /// limit requires more exact digits, a larger limit fewer.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -130,7 +131,7 @@ impl DeviceSpec {
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct SpecTolerance {
-    /// The largest width that the range may have.
+    /// The largest difference between the reference and an end of the range.
     #[doc(hidden)]
     pub need: Tolerance,
     /// The tolerance for cases in which the range is wider than `need` allows.
@@ -154,7 +155,8 @@ impl SpecTolerance {
         Self { otherwise: Some(tolerance.into()), ..self }
     }
 
-    /// The largest width that the range may have for a scalar type: the author's limit, or the default for this type.
+    /// The largest difference between the reference and an end of the range, for a scalar type: the author's limit, or
+    /// the default for this type.
     #[doc(hidden)]
     pub fn need_of(&self, scalar: Scalar) -> Tolerance {
         match (&self.need, scalar) {
