@@ -135,8 +135,8 @@ fn swapped_textures_and_samplers_are_a_change() {
     assert!(compared("return", "return ").good().contains("0 changed"), "a blank is no edit");
 }
 
-/// Verdicts are numbered: of seven verdicts, the first has the number `(1 of 7)`. The last line counts the functions
-/// that Karat didn't compare completely.
+/// Verdicts are numbered: of seven verdicts, the first has the number `(1 of 7)`. The last line of the output
+/// counts the functions that Karat didn't compare completely.
 #[test]
 fn verdicts_come_with_their_count() {
     let folder = tempfile::tempdir().expect("a temporary folder");
