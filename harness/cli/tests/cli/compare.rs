@@ -102,7 +102,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     }
 }
 
-/// `karat compare` detects if an edit makes a function read a different texture or sampler, or swaps two parameters.
+/// `karat compare` detects an edit that swaps two parameters, or that makes a function read another texture or sampler.
 #[test]
 fn swapped_textures_and_samplers_are_a_change() {
     let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\

@@ -217,7 +217,7 @@ fn tests_outside_of_shaders_are_reported() {
 }
 
 /// Every command reports files of declared tests that are outside of `shaders`, even if `shaders` has a karat.toml. No
-/// command reports such a file inside of `shaders`.
+/// command reports files of tests inside of `shaders`.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in
