@@ -1,4 +1,4 @@
-//! Turns off a warning of Mesa about its environment.
+//! Turns off Mesa's warning about `XDG_RUNTIME_DIR`.
 
 /// Turns off Mesa's device-select layer, which warns twice if `XDG_RUNTIME_DIR` isn't a folder, as in CI and in
 /// containers. The environment variable `NODEVICE_SELECT` turns the layer off, but must be set before the first thread

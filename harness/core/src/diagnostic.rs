@@ -24,7 +24,7 @@ pub use blame::{At, Blame, Blamed};
 /// A file of the author, as Karat read it.
 #[derive(PartialEq, Eq)]
 pub struct SourceFile {
-    /// The path as messages show it: relative to the working directory, if that is shorter.
+    /// The path as messages show it: relative to the working directory if the file is inside it.
     pub name: String,
     /// The file's text, with values in place of the author's placeholders.
     pub text: String,

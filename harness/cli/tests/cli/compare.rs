@@ -102,7 +102,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
     }
 }
 
-/// `karat compare` detects if an edit makes a function read a different texture or sampler, or swaps two parameters.
+/// `karat compare` detects an edit that swaps two parameters, or that makes a function read another texture or sampler.
 #[test]
 fn swapped_textures_and_samplers_are_a_change() {
     let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\
@@ -135,8 +135,8 @@ fn swapped_textures_and_samplers_are_a_change() {
     assert!(compared("return", "return ").good().contains("0 changed"), "a blank is no edit");
 }
 
-/// Verdicts are numbered: of seven verdicts, the first has the number `(1 of 7)`. The last line counts the functions
-/// that Karat didn't compare completely.
+/// Verdicts are numbered: of seven verdicts, the first has the number `(1 of 7)`. The last line of the output
+/// counts the functions that Karat didn't compare completely.
 #[test]
 fn verdicts_come_with_their_count() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -624,8 +624,8 @@ mod fakes {
         assert_eq!(last_line(&ran.out), sum, "{second}\n{ran:?}");
     }
 
-    /// If a module imports nothing, Tint gets the bytes of the author's file. If a module imports declarations, Tint
-    /// gets the author's text together with these declarations, in which only names may be changed.
+    /// If a module imports nothing, Tint gets the bytes of the author's file. If a module imports declarations, Karat
+    /// replaces the imports by these declarations, and otherwise changes at most names.
     // Lesson 202
     #[test]
     fn tint_gets_the_authors_bytes() {

@@ -29,7 +29,7 @@ fn looked_at(x: f32) -> f32 {
 const TESTS: &str = "[[test]]\nfunction = \"side\"\nover = { x = \"1..2\" }\nfinite = true\n\
                      [[test]]\nfunction = \"looked_at\"\nover = { x = 2 }\nequals = 6\ntolerance = \"1 ulp\"\n";
 
-/// A test that calls `side`, but doesn't check the result.
+/// A test that calls `side` and ignores the result.
 const WGSL_TEST: &str = "import karat::expect_true;\nimport package::calc::side;\n\
                          @test fn throws_away() {\n    let gone = side(-1.0);\n    expect_true(true);\n}\n";
 

@@ -438,7 +438,7 @@ fn passes_before_the_last_one_are_tested_too() {
 }
 
 /// A module with subgroups needs the line `enable subgroups;`, which naga doesn't know. Karat runs the module, and
-/// errors have the lines of the author's file.
+/// errors show line numbers of the author's file.
 #[test]
 fn a_module_that_enables_subgroups_runs_with_its_own_lines() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -681,7 +681,8 @@ fn one_race_has_one_message() {
     );
 }
 
-/// The sanitizer examines passes, but not draws. The last line counts the draws that write into buffers.
+/// The sanitizer examines passes, but not draws. The output counts the checks of frames whose draws
+/// write into buffers.
 #[test]
 fn draws_that_write_are_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");

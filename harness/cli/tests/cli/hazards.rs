@@ -69,7 +69,7 @@ fn functions_that_are_not_valid_fail_a_run() {
 }
 
 /// The report of a requirement names the inputs for which the hazard occurs. With `--deny requirements`, a requirement
-/// makes the run fail. The last line counts the requirements that all callers meet (`met`), and the hazards whose
+/// makes the run fail. The summary counts the requirements that all callers meet (`met`), and the hazards whose
 /// result the shader doesn't use (`dropped`).
 // Lesson 97
 #[test]

@@ -369,8 +369,8 @@ fn init_writes_in_ci_only_with_ci_may_write() {
     assert!(folder.path().join("m.test.toml").is_file());
 }
 
-/// If a project has a `package.json`, `karat init` adds a script that runs the tests. If Tint's npm
-/// package isn't listed in `package.json` or isn't installed, the tests don't require Tint.
+/// If a project has a `package.json`, `karat init` adds a script that runs the tests. The tests require Tint only if
+/// Tint's npm package, `webgpu`, is listed in `package.json` and installed.
 #[test]
 fn a_project_for_the_web_gets_a_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,5 +1,5 @@
-//! Tests an acceptance that was killed. Karat reports and deletes the temporary files that this acceptance left. A
-//! second acceptance completes the first one.
+//! Tests what follows if `karat accept` is killed. Later commands report and delete the temporary files that the killed
+//! command left. A second `karat accept` completes the work of the first.
 
 use std::path::PathBuf;
 use std::time::Duration;

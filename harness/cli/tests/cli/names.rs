@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use super::report::{frame, function};
 use super::*;
 
-/// Names that break a format or a line: characters that XML forbids, line ends before a command, markup of each
-/// language, characters that a shell interprets, and lengths that no command line allows.
+/// Names that could break a report: with characters that XML forbids, with a line break before a GitHub command such as
+/// `::error`, with markup, with characters that a shell interprets, and one too long for a command line.
 fn nasty() -> Vec<String> {
     // Linux allows 128 KiB for an argument or a variable.
     let long = "n".repeat(1 << 18);

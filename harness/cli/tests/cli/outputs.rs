@@ -101,7 +101,7 @@ fn every_output_is_written_whole() {
     }
 }
 
-/// If the disk is full, the old file stays. In this test, no file may grow beyond 512 bytes.
+/// If the disk is full, the old file stays. This test doesn't fill a disk: it limits files to 512 bytes.
 // Lesson 59
 #[cfg(target_os = "linux")]
 #[test]

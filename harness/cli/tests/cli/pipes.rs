@@ -26,7 +26,7 @@ fn eventful() -> TempDir {
     project
 }
 
-/// Each command with its exit code in this project.
+/// Commands, each with its exit code in the project of [`eventful`].
 const COMMANDS: [(&[&str], i32); 27] = [
     (&["list"], 0),
     (&["list", "--json"], 0),
@@ -95,7 +95,7 @@ fn a_closed_pipe_does_not_stop_a_command() {
     assert!(folder.join("flip.png").is_file());
 }
 
-/// In a shell's pipe, the exit code of a command is the same if the reader ends at once or after the first line.
+/// In a shell's pipe, a command keeps its usual exit code, even if the reader ends at once or after the first line.
 // Lesson 57
 #[cfg(unix)]
 #[test]

@@ -21,7 +21,7 @@ fn recorded(lines: &[String]) -> TempDir {
     project
 }
 
-/// The names that `karat replay` accepts, from a report. Each name comes with the function and the verb that failed.
+/// Finds the lines `karat replay NAME` of a report. Returns each name with the function and the verb of its check.
 fn names(out: &str) -> Vec<(String, String)> {
     let lines = out.lines().filter_map(|line| line.strip_prefix("karat replay "));
     let pair = |line: &str| {

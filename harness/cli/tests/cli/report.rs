@@ -162,8 +162,8 @@ fn junit(project: &TempDir, folder: &FilePath, environment: &[(&str, &FilePath)]
     std::fs::read_to_string(file).expect("written")
 }
 
-/// The JUnit report has a test case for each path. Only the test case of the failing path has a failure, and the
-/// command that replays this failure.
+/// The JUnit report has a test case for each path. Only the test case of the failing path contains a failure
+/// and a replay command.
 // Lesson 136
 #[test]
 fn junit_has_a_case_for_each_path() {

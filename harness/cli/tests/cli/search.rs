@@ -137,8 +137,8 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
     assert!(run(path, &["list"]).good().contains("a::half"));
 }
 
-/// If a folder `shaders` has no tests, and no manifest and no test uses it, its modules don't make `karat test` or
-/// `karat watch` fail. `karat check` validates the folder.
+/// `karat test` and `karat watch` pass despite errors in a folder `shaders` that has no tests, and that no manifest or
+/// test uses. `karat check` validates the folder.
 // Lesson 187
 #[test]
 fn a_folder_that_no_test_uses_fails_no_run() {
@@ -217,7 +217,7 @@ fn tests_outside_of_shaders_are_reported() {
 }
 
 /// Every command reports files of declared tests that are outside of `shaders`, even if `shaders` has a karat.toml. No
-/// command reports such a file inside of `shaders`.
+/// command reports files of tests inside of `shaders`.
 #[test]
 fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in

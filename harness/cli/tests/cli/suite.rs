@@ -713,7 +713,7 @@ fn a_declared_frame_is_compared_with_its_golden() {
     assert_ne!(left_out.code, Some(0), "nothing is compared: {left_out:?}");
 }
 
-/// Declared values are stored in one golden file, together with their provenance.
+/// A test in TOML can compare a function's results with a golden: one CSV file that also contains the provenance.
 #[test]
 fn declared_values_are_compared_with_their_golden() {
     let folder = tempfile::tempdir().expect("a temporary folder");

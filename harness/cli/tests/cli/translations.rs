@@ -296,7 +296,7 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
 }
 
 /// An entry point doesn't need the abilities that only other entry points of its module use. Karat doesn't judge
-/// results that depend on the size of a subgroup, because drivers have different sizes.
+/// results that depend on the size of a subgroup, because this size differs between drivers.
 // Lesson 142
 #[cfg(target_os = "linux")]
 #[test]

@@ -44,7 +44,7 @@ fn changed(line: &str) -> Option<&str> {
 }
 
 /// Returns the first part of `block` that is missing in `text`. A line `...` separates the parts of a block. The text
-/// must contain each part's lines one directly after another.
+/// must contain the lines of each part without other lines between them.
 fn missing(block: &str, text: &str) -> Option<String> {
     let lines: Vec<&str> = block.lines().collect();
     let text: Vec<&str> = text.lines().collect();

@@ -47,8 +47,8 @@ fn features_reach_the_tests_of_a_folder() {
     assert!(unknown.contains("uses the feature `fasd`"), "{unknown}");
 }
 
-/// If a test fails before it reaches the case to replay, the test has its message, and the other tests have their
-/// verdicts.
+/// If a test fails before it reaches the case to replay, the report shows the test's message, and the verdicts
+/// of the other tests.
 #[test]
 fn a_failure_before_the_replayed_case_is_reported() {
     let folder = folder("fn f(x: f32) -> f32 { return 2.0 * x; }\n", IN_RANGE);

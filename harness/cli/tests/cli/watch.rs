@@ -418,7 +418,7 @@ fn an_edit_of_any_file_runs_rust_tests() {
     watch.until("cpu (shaders): WGSL error; 2 tests pass; 0 ran");
 }
 
-/// Karat validates a module that no test links, in a Cargo project and in a folder.
+/// `karat watch` validates modules that no test links, in a Cargo project and for `karat watch FOLDER`.
 // Lesson 191
 #[test]
 fn modules_that_no_test_links_are_validated() {

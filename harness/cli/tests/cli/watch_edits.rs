@@ -55,7 +55,8 @@ use Edit::{Name, Text};
 const RUN: &str = "@compute @workgroup_size(4) fn run";
 const VS: &str = "-> @builtin(position) vec4f";
 
-/// Ten kinds of edits, with five edits of each kind. Each edit makes any of the three packages invalid.
+/// Ten kinds of edits, with five edits of each kind. Each edit fits all three packages, and makes the edited
+/// package invalid.
 const INVALID: [(&str, [Edit; 5]); 10] = [
     (
         "unknown name",

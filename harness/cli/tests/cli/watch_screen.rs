@@ -173,7 +173,7 @@ fn keys_do_what_the_last_line_says() {
     let _ = &terminal.master;
 }
 
-/// On a screen of 80 x 24, keys reach each failure and each of its lines.
+/// On a screen of 80 x 24, the user can reach each failure, and each line of a failure, with keys.
 #[test]
 fn the_user_can_page_and_scroll_through_failures() {
     let mut terminal = Terminal::start(80);

@@ -1,4 +1,4 @@
-//! An editor's side of the language server protocol.
+//! A fake editor: the client's side of the language server protocol.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Write};

@@ -34,7 +34,7 @@ pub(crate) struct Browser {
     context: String,
     socket: WebSocket<TcpStream>,
     calls: u64,
-    /// The session id of the tab in the foreground, because the browser doesn't draw other tabs.
+    /// The session id of the tab in the foreground. The browser draws only this tab.
     front: String,
     /// `true` while the pointer's left button is down.
     pressed: bool,

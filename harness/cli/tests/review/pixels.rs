@@ -28,8 +28,8 @@ fn project() -> Project {
     project
 }
 
-/// A page that was written to files can't trace any pixel. So the page contains the traces of the pixels that differ
-/// most, and lists these pixels.
+/// A page that was written to files has no server to trace pixels. So the page contains and lists the traces of the
+/// pixels that differ most.
 #[test]
 fn a_page_of_files_has_the_pixels_that_differ_most() {
     let project = project();

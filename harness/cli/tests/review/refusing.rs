@@ -1,5 +1,5 @@
-//! Tests the server without a browser: the server refuses requests that don't come from its own page. Neither a refused
-//! request nor a request that only reads changes a file.
+//! Tests the server without a browser: the server refuses requests that don't come from its own page. Refused requests
+//! don't change files, and neither do GET requests.
 
 use serde_json::json;
 

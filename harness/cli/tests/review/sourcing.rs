@@ -171,8 +171,8 @@ fn changes_since_the_golden_are_shown() {
     assert!(browser.text(&tab, "#modules").contains("the golden isn't committed"));
 }
 
-/// A golden and a pending frame store the hashes of the modules that drew them. Karat compares these hashes, so the
-/// golden needn't be committed, and commits of other files have no effect.
+/// A golden and a pending frame store the hashes of the modules that drew them. To find the
+/// changed modules, Karat compares these hashes, and doesn't need the golden's commit.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
 fn modules_that_changed_are_known_by_their_hashes() {

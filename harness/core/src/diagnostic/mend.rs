@@ -4,8 +4,8 @@
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Mend {
-    /// A feature in `[features]` that needs a value. The engine that uses the shaders, such as Bevy, supplies this
-    /// value.
+    /// A feature in `[features]` that needs a value. The game engine that uses the shaders, such as Bevy, supplies
+    /// this value.
     Feature(String),
     /// A feature in `[features]` that must be on, because a name is declared only under a condition with this feature.
     Condition(String),

@@ -30,7 +30,7 @@ pub struct UnitVector;
 #[derive(Clone, Copy, Debug)]
 pub struct Hemisphere;
 
-/// Colours with each channel in `[0, 1]`. Greys, single channels, black and white occur more often.
+/// Colours with each channel in `[0, 1]`. Greys, black, white, and shades of pure red, green or blue occur more often.
 ///
 /// ```
 /// use karat::{Domain, UnitRgb};

@@ -399,7 +399,7 @@ impl Part {
         Some(Self { words: Box::new(Transform::of(columns, rows, perspective)?), described })
     }
 
-    /// Loop counts from 1. Half of the counts are small. `None` for types that aren't integers.
+    /// Loop counts of 1 or more. Half of the counts are small. `None` for types that aren't integers.
     #[doc(hidden)]
     pub fn counts(scalar: Scalar) -> Option<Self> {
         /// The largest small count. Any loop finishes this many iterations quickly.
@@ -448,7 +448,8 @@ impl Part {
         edge.or_else(|| self.words.draw(source))
     }
 
-    /// The same part with additional values. If `all` is `false`, values outside of the part's own domain aren't added.
+    /// The same part with additional values. If `all` is `false`, drops additional values outside of the part's own
+    /// domain.
     #[doc(hidden)]
     #[must_use]
     pub fn beside(self, mut more: Vec<Vec<u32>>, all: bool) -> Self {
@@ -541,8 +542,8 @@ impl Dynamic {
 
     /// Makes a vector perpendicular to other vectors. `lanes` are the positions of the vector's words in a row, and
     /// `to` has one position for each of the other vectors: the position of that vector's first word. All these vectors
-    /// have equally many components. If one of the other vectors is made perpendicular, too, call this function for
-    /// that vector first. Call [`filtered`](Self::filtered) last.
+    /// must have the same number of components. If one of the other vectors is made perpendicular, too, call this
+    /// function for that vector first. Call [`filtered`](Self::filtered) last.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};

@@ -248,7 +248,7 @@ macro_rules! product {
 
 trait Tied<'a>: Domain {
     type Parts;
-    /// Makes the tuple from its parts. A simpler tuple either has no ties, or keeps the tie by simplifying both tied
+    /// Makes the tuple from its parts. A simpler tuple either has no ties, or keeps all ties by simplifying tied
     /// components together.
     fn tied(&'a self, parts: Self::Parts, ties: Rc<[Tie]>) -> Shrinkable<'a, Self::Value>;
 }
@@ -273,9 +273,9 @@ pub trait Parts<'a> {
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 
-/// Returns an array for each case. The array has an index for each part: the position of an edge in the part's list of
-/// edges. First come all combinations of the first edges, with as many edges of each part as the limit allows. Then
-/// comes each remaining edge, with varying edges of the other parts.
+/// Combines the edges of a tuple's parts. Each array is one combination: for each part, the index of an edge in the
+/// part's list of edges. First come all combinations of the first edges, with as many edges of each part as the limit
+/// allows. Then comes each remaining edge, with varying edges of the other parts.
 fn combinations<const N: usize>(lengths: [usize; N]) -> impl Iterator<Item = [usize; N]> {
     let product = |most: usize| -> usize {
         lengths.iter().map(|length| *length.min(&most)).fold(1, usize::saturating_mul)

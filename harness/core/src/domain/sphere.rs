@@ -1,4 +1,4 @@
-//! Vectors that all have the same length, with two, three or four components.
+//! Vectors of one length, or of at most this length, with two, three or four components.
 
 use std::f64::consts::TAU;
 use std::marker::PhantomData;

@@ -159,8 +159,8 @@ impl Numbering {
         Source::new(self.seed, index)
     }
 
-    /// The origin of the value of case `index`: a number in the domain, an edge, or random numbers from `source`, which
-    /// must be the source of this case.
+    /// The origin of the value of case `index`: an index into the domain, an edge, or random numbers from `source`,
+    /// which must be the source of this case.
     #[inline]
     #[doc(hidden)]
     pub fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
