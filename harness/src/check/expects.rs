@@ -240,8 +240,8 @@ impl Stream for Placed<'_> {
         made
     }
 
-    /// Returns `None`. A failing test runs again without the other tests, so this stream never simplifies a
-    /// case.
+    /// Returns `None`, because Karat uses this value only to simplify a case. If a test fails in the shared kernel, Karat
+    /// runs the test again in its own kernel, and simplifies the case there.
     fn value(&self, _: Origin<'_>) -> Option<Held> {
         None
     }
