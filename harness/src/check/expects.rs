@@ -240,8 +240,8 @@ impl Stream for Placed<'_> {
         made
     }
 
-    /// Returns `None`, because Karat uses this value only to simplify a case. If a test fails in the shared kernel, Karat
-    /// runs the test again in its own kernel, and simplifies the case there.
+    /// Returns `None`, because Karat never simplifies or replays a case in the shared kernel. For that, Karat runs the
+    /// test in its own kernel.
     fn value(&self, _: Origin<'_>) -> Option<Held> {
         None
     }

@@ -396,8 +396,8 @@ fn loses(expression: &Expression) -> bool {
     })
 }
 
-/// Karat's verdicts on the expressions. An expression with a fault is `found` or `missed`. An expression without a fault
-/// is `wrong` if Karat reports a fault in it, and `right` otherwise.
+/// Karat's verdicts on the expressions. An expression with a fault is `found` or `missed`. An expression without a
+/// fault is `wrong` if Karat reports a fault in it, and `right` otherwise.
 #[derive(Debug, Default)]
 struct Told {
     found: usize,

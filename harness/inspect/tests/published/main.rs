@@ -96,8 +96,8 @@ var<workgroup> partial: array<{number}, 64>;
     )
 }
 
-/// A kernel that reduces a workgroup's values in a tree, to a sum or a maximum. Each
-/// `false` in `barriers` leaves out a barrier.
+/// A kernel that reduces a workgroup's values in a tree, to a sum or a maximum. Each `false` in `barriers` leaves out a
+/// barrier.
 fn tree(join: &str, then: &str, barriers: [bool; 2]) -> String {
     let barrier = |is: bool| if is { "workgroupBarrier();" } else { "" };
     let mark = if barriers == [true; 2] { "" } else { MARK };
