@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// The largest number of commits in which Karat looks for the golden's version of a module. Karat begins at the latest
-/// commit, and runs a `git` process for each.
+/// The largest number of commits in which Karat looks for the golden's version of a module. Karat runs a `git` process
+/// for each commit, the latest first.
 const MOST: &str = "50";
 
 /// Returns the modules whose hashes differ. Returns `None` if golden or frame have no hashes, as in old files. Module

@@ -94,8 +94,8 @@ impl Asked {
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// Returns the traces of the pixels that differ most from the golden. If possible, also traces these pixels with the
-    /// shaders of the commit that last changed the golden, the first in `versions`. Returns null if no pixel can be
+    /// Returns the traces of the pixels that differ most from the golden. If possible, also traces these pixels with
+    /// the shaders of the commit that last changed the golden, the first in `versions`. Returns null if no pixel can be
     /// traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();

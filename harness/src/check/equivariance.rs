@@ -136,8 +136,8 @@ impl Plan<'_> {
 struct Rotations;
 
 /// The rotations to which Karat simplifies a failing case's rotation, the simplest first: half turns, quarter turns and
-/// turns by about 106 degrees about the x, y and z axes. The turns by about 106 degrees have simple quaternions, with
-/// the components 4/5 and 3/5.
+/// turns by 106 degrees, around the x, y and z axes. The quaternion of a turn by 106 degrees is simple: its components
+/// are 4/5, 3/5 and zeros.
 fn simple() -> impl Iterator<Item = [u32; 4]> {
     let about = |imaginary: f64, real: f64| {
         DVec3::AXES.map(|axis| {

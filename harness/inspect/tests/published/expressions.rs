@@ -1,8 +1,8 @@
 //! Expressions that lose digits, or become NaN or infinite, for some inputs in their ranges, and equivalent expressions
 //! without these faults. All these expressions compute in `f32`. Some are from chapter 3 of Hamming, *Numerical Methods
 //! for Scientists and Engineers*. The others are the 33 single-precision expressions in Herbie's benchmarks.
-//! Herbie took these expressions from pbrt, from the specification of Direct3D 11.3 (section 7.8.11, on the level of
-//! detail), and from Rust's inverse hyperbolic functions.
+//! These 33 expressions come from pbrt, from the specification of Direct3D 11.3 (section 7.8.11, on the level of
+//! detail), and from three inverse hyperbolic functions of Rust.
 
 #![expect(clippy::approx_constant, reason = "they are the constants that the shaders have")]
 
