@@ -89,8 +89,7 @@ use crate::reflect::Overrides;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Shape};
 
-/// The number of cases if the check doesn't set a number. 65,536 cases fit into one dispatch. This number is enough to
-/// combine each edge of an argument with every edge of every other argument, if the function has six arguments.
+/// The number of cases if the check doesn't set a number. 65,536 cases fit into one dispatch.
 const CASES: u64 = 65_536;
 
 /// The largest size of a finite domain for which Karat tries every value, if the check sets no number of cases.

@@ -15,7 +15,7 @@ fn edited(from: &str, to: &str) -> Vec<Compared> {
     all.filter(|one| one.change != Change::Untouched).collect()
 }
 
-/// The first function or entry point whose results an edit changes. The test fails if it isn't `function`.
+/// The first function or entry point whose results an edit changes. Panics if its name isn't `function`.
 fn changed(from: &str, to: &str, function: &str) -> Compared {
     let all = edited(from, to);
     let one = all.iter().find(|one| matches!(one.change, Change::Changed { .. }));
@@ -46,8 +46,8 @@ fn faults_of_transformations_are_seen_in_the_vertices() {
     changed("vec4f(position, 1.0)", "vec4f(position, 0.0)", "vs_main");
 }
 
-/// `compare` compares the values that a compute pass writes. If an edit changes only the workgroup size, these values
-/// stay the same.
+/// `compare` compares the values that a compute pass writes. A smaller workgroup size for `blur_x` leaves these values
+/// unchanged.
 #[test]
 fn faults_of_passes_are_seen_in_what_they_leave() {
     let blur = changed("k <= 2", "k < 2", "blur_x");

@@ -41,7 +41,7 @@ pub struct Candidate {
     pub id: String,
     /// The mutated module.
     pub module: String,
-    /// The path of the module's file, as its author wrote it.
+    /// The path of the file that contains the mutated code.
     pub file: PathBuf,
     /// The file's text when Karat read it. The mutation's position refers to this text.
     pub text: Arc<str>,
@@ -131,7 +131,7 @@ pub enum Fate {
 pub struct Hidden {
     /// The test.
     pub test: String,
-    /// The test's largest ratio: without the mutant, and with it.
+    /// The test's largest ratio on the original, and its largest ratio on the mutant.
     pub ratios: [f64; 2],
 }
 
@@ -170,8 +170,8 @@ pub enum MutateError {
         /// The reason.
         reason: String,
     },
-    /// The program `preprocess` prints the modules from their files, so the program would never read mutants, which
-    /// exist only in memory.
+    /// Karat can't mutate a package with a `preprocess` program: the program reads files, but mutants exist only in
+    /// memory.
     #[error(
         "the program `preprocess` in karat.toml reads modules from files, but mutants exist only in memory: \
          run `karat mutate` on a folder with the program's output"

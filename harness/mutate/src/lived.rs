@@ -313,7 +313,7 @@ fn components<'v>(value: &'v str, shape: &Shape) -> Option<(Scalar, Vec<&'v str>
     Some((scalar, inner.split(", ").collect()))
 }
 
-/// A float literal that is valid in WGSL and in Rust.
+/// Formats a number as a float literal that is valid in WGSL and in Rust.
 fn float(text: &str) -> String {
     if text.contains(['.', 'e']) { text.to_owned() } else { format!("{text}.0") }
 }
@@ -391,7 +391,7 @@ fn numbers(text: &str) -> Vec<f64> {
     text.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect()
 }
 
-/// A number, `true`, `false` or a vector in TOML.
+/// Converts a number, `true`, `false` or a vector to TOML.
 fn toml_of(value: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_digit() || " ,.+-e()".contains(c);
     let is_plain = value.chars().all(plain) || matches!(value, "true" | "false");

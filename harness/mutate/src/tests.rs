@@ -439,8 +439,8 @@ fn places_of_mutants_count_characters_of_the_source() {
     assert!(matches!(error, MutateError::Printed), "{error}");
 }
 
-/// A mutant isn't killed if its loop never ends, or if an `@if` removes its code. A mutant that starts a loop at `1u`
-/// in place of `0u` is valid WGSL.
+/// A mutant isn't killed if its loop never ends, or if an `@if` removes its code. A mutation of `0u`
+/// keeps the suffix `u`, so the mutant is valid WGSL.
 // Lesson 29
 // Lesson 30
 #[test]

@@ -43,7 +43,8 @@ pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     received(&data)
 }
 
-/// Returns the script of a golden without a pending frame. The script has the parts and the versions of the golden.
+/// Returns the script of a golden without a pending frame. The script has the golden's images and the list of its
+/// versions.
 pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Value]) -> String {
     let provenance = golden.metadata.as_deref().map(Provenance::parse);
     let (facts, verdict) = match &provenance {

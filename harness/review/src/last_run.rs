@@ -14,7 +14,7 @@ pub struct LastRun {
     pub failures: Vec<Failure>,
 }
 
-/// The record of a frame in the last run: the test that compared the frame with its golden.
+/// The last run's record of the check that compared a frame with its golden.
 #[derive(Clone, Debug, Default)]
 pub struct FrameRun {
     /// The name of the test.

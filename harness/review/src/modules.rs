@@ -9,8 +9,8 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// The number of a module's latest versions among which Karat looks for the golden's version. The check of each version
-/// runs a `git` process.
+/// The largest number of commits in which Karat looks for the golden's version of a module. Karat runs a `git` process
+/// for each commit, the latest first.
 const MOST: &str = "50";
 
 /// Returns the modules whose hashes differ. Returns `None` if golden or frame have no hashes, as in old files. Module

@@ -154,7 +154,8 @@ fn is_finite(frame: &Pending) -> bool {
         .any(|margin| margin.criterion == FrameCriterion::Finite && !margin.passes())
 }
 
-/// Returns the properties of a frame that decide which golden the frame may become.
+/// Returns the properties of a frame from which the page decides if accepting the frame changes the shared golden or
+/// the golden of one profile.
 fn accepting(frame: &Pending) -> Value {
     json!({
         "canonical": frame.is_canonical(),

@@ -94,8 +94,9 @@ impl Asked {
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// Returns the traces of the pixels that differ most from the golden. If possible, adds a trace of each pixel with
-    /// the shaders of the golden's latest commit, the first of `versions`. Returns null if no pixel can be traced.
+    /// Returns the traces of the pixels that differ most from the golden. If possible, also traces these pixels with
+    /// the shaders of the commit that last changed the golden, the first in `versions`. Returns null if no pixel can be
+    /// traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();
         let pair =
@@ -148,7 +149,7 @@ fn numbers(text: &str, between: char) -> Option<(u32, u32)> {
     Some((a.parse().ok()?, b.parse().ok()?))
 }
 
-/// Checks if a text is a WGSL name with its path, as in the list of values. Such a text contains no `-`, so no program
+/// Checks if a text is a WGSL name with its path, such as `scene::shade::n`. Such a text contains no `-`, so no program
 /// takes the text for an option.
 fn is_path(value: &str) -> bool {
     let is_name = |c: char| c.is_alphanumeric() || c == '_' || c == ':';

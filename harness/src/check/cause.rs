@@ -41,7 +41,7 @@ struct Cases<'b> {
 /// A function that computes a property from the components of a case's arguments.
 type Measured = Box<dyn Fn(&[f64]) -> f64>;
 
-/// A number with a name that Karat computes for each case.
+/// A named number that Karat computes from the arguments of each case.
 struct Property {
     name: String,
     of: Measured,

@@ -7,8 +7,7 @@
 
 use crate::domain::{Emptiness, Held, Origin, Parts, Shrinkable, Source, Stream};
 
-/// The seed for the companions of edges and of enumerated values. With this seed, their random numbers differ from
-/// those of the companions of sampled cases.
+/// The seed for the companions of edges and of enumerated values. Sampled cases use the check's seed instead.
 const LISTED: u64 = 0x6c69_7374_6564;
 
 pub(super) trait Companion: Sync {

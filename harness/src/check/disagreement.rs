@@ -165,8 +165,8 @@ pub struct CaseFailure {
     pub case: u64,
     /// `true` if the input comes from an earlier failure of this check. `false` if this run sampled the input.
     pub remembered: bool,
-    /// `true` if no sampled case failed, and a search found this input. The search begins at the cases nearest
-    /// to a bound.
+    /// `true` if no sampled case failed, and a search found this input. The search begins at the cases whose
+    /// results are nearest to failing.
     pub searched: bool,
     /// Each argument's name, and its value in WGSL's syntax. For an integral, the first entry is `case` with the case's
     /// `Debug` text. The next entries are the arguments that have the same value at all nodes of the quadrature rule.

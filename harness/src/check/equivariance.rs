@@ -29,7 +29,7 @@ struct Turned<'t> {
 
 impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the result rotates with its arguments. Each case has a random rotation. Seven of eight
-    /// rotations are uniformly distributed. One of eight is a quarter turn about an axis.
+    /// rotations are uniformly distributed. One of eight is a quarter turn about the x, y or z axis.
     ///
     /// `arguments` rotates the arguments that are directions. `result` rotates the result, or returns it
     /// unchanged if the function only measures angles.
@@ -135,8 +135,9 @@ impl Plan<'_> {
 
 struct Rotations;
 
-/// The simple rotations: half turns, quarter turns and turns by 106 degrees about the axes. The quaternion of a
-/// turn by 106 degrees has the components 4/5 and 3/5.
+/// The rotations to which Karat simplifies a failing case's rotation, the simplest first: half turns, quarter turns and
+/// turns by 106 degrees, around the x, y and z axes. The quaternion of a turn by 106 degrees is simple: its components
+/// are 4/5, 3/5 and zeros.
 fn simple() -> impl Iterator<Item = [u32; 4]> {
     let about = |imaginary: f64, real: f64| {
         DVec3::AXES.map(|axis| {

@@ -240,8 +240,8 @@ impl Stream for Placed<'_> {
         made
     }
 
-    /// Returns `None`. A failing test runs again without the other tests, so this stream never simplifies a
-    /// case.
+    /// Returns `None`, because Karat never simplifies or replays a case in the shared kernel. For that, Karat runs the
+    /// test in its own kernel.
     fn value(&self, _: Origin<'_>) -> Option<Held> {
         None
     }

@@ -1,7 +1,8 @@
 //! Expressions that lose digits, or become NaN or infinite, for some inputs in their ranges, and equivalent expressions
 //! without these faults. All these expressions compute in `f32`. Some are from chapter 3 of Hamming, *Numerical Methods
-//! for Scientists and Engineers*. The others are the 33 expressions in single precision among Herbie's benchmarks:
-//! formulas from pbrt, the level of detail in Direct3D 11.3 (7.8.11), and three inverse hyperbolic functions from Rust.
+//! for Scientists and Engineers*. The others are the 33 single-precision expressions in Herbie's benchmarks.
+//! These 33 expressions come from pbrt, from the specification of Direct3D 11.3 (section 7.8.11, on the level of
+//! detail), and from three inverse hyperbolic functions of Rust.
 
 #![expect(clippy::approx_constant, reason = "they are the constants that the shaders have")]
 
@@ -395,8 +396,8 @@ fn loses(expression: &Expression) -> bool {
     })
 }
 
-/// Karat's scores: an expression with a fault is `found` or `missed`. An expression without a fault is `wrong` if Karat
-/// reports a fault in it, and `right` otherwise.
+/// Karat's verdicts on the expressions. An expression with a fault is `found` or `missed`. An expression without a
+/// fault is `wrong` if Karat reports a fault in it, and `right` otherwise.
 #[derive(Debug, Default)]
 struct Told {
     found: usize,

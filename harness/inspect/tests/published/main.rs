@@ -1,8 +1,8 @@
-//! Kernels with known faults, modelled on published test suites. The suites are: the graph patterns of Indigo (Liu,
-//! Azami, Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022); the kinds of races in
-//! `DataRaceBench` that are possible in WGSL; the locks, scopes and work stealing of `ScoR` (Kamath, George, Basu,
-//! 2020); and the kinds of indices outside of arrays that Vulkan's GPU-assisted validation finds. The text of all
-//! kernels is new. By default, every 23rd kernel runs. `SUITES=whole` runs all kernels and prints the scores.
+//! Kernels with known faults, modelled on published test suites. The kernels contain the graph patterns of Indigo (Liu,
+//! Azami, Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022), the races of
+//! `DataRaceBench` that are possible in WGSL, the locks, scopes and work stealing of `ScoR` (Kamath, George, Basu,
+//! 2020), and the out-of-bounds indices that Vulkan's GPU-assisted validation finds. The text of all kernels is new. By
+//! default, every 23rd kernel runs. `SUITES=whole` runs all kernels and prints the scores.
 
 mod expressions;
 
@@ -96,7 +96,8 @@ var<workgroup> partial: array<{number}, 64>;
     )
 }
 
-/// A kernel that reduces a workgroup's values in a tree, to a sum or a maximum. One of its barriers may be missing.
+/// A kernel that reduces a workgroup's values in a tree, to a sum or a maximum. Each `false` in `barriers` leaves out a
+/// barrier.
 fn tree(join: &str, then: &str, barriers: [bool; 2]) -> String {
     let barrier = |is: bool| if is { "workgroupBarrier();" } else { "" };
     let mark = if barriers == [true; 2] { "" } else { MARK };
