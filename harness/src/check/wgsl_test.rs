@@ -49,8 +49,8 @@ struct Made {
     /// The module whose function calls the test, and returns the number of evaluated expectations and the number of
     /// expectations that may have failed.
     counting: Package,
-    /// The module whose function also returns the values of the first expectations that may have failed. Karat judges
-    /// these values on the host.
+    /// The module whose function calls the test, and returns the values of the first expectations that may have failed.
+    /// Karat judges these values on the host.
     telling: Package,
 }
 
@@ -115,7 +115,7 @@ impl WgslTest {
         Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
     }
 
-    /// Generates the modules with the parameters' types as the author wrote them. This is fast, because Karat links the
+    /// Generates the modules that call the test, with the parameters' types as the author wrote them. This is fast, because Karat links the
     /// test only once, together with the generated function. `None` if there is an error.
     fn copied(&self, written: &[(String, String)]) -> Option<Made> {
         let typed: Vec<_> = written.iter().map(|(name, ty)| (&**name, ty.clone())).collect();
@@ -195,7 +195,7 @@ impl WgslTest {
         made.into_iter().flat_map(|made| &made.calls).map(String::as_str)
     }
 
-    /// The test as a function. Give the function a domain, then [run](super::Check::try_expects) it.
+    /// A probe that runs the test. Give the probe a domain, then [run](super::Check::try_expects) it.
     ///
     /// # Errors
     /// Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the author's file.

@@ -294,8 +294,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion that replaces the test's assertion if that assertion fails in the usual order: the result of each
-    /// other order must agree with the result of the usual order.
+    /// The assertion for the other orders if the elements disagree with the reference in the usual order: each other
+    /// order must give the same elements as the usual order, within the tolerance.
     own: Option<Assertion<'a>>,
 }
 
@@ -329,7 +329,7 @@ impl<'a> InOrders<'a> {
         !self.holds && self.own.is_none()
     }
 
-    /// Judges the result of a run in an unusual order. `endless` is `true` if a loop didn't end.
+    /// Judges the result of a run in another order than the usual order. `endless` is `true` if a loop didn't end.
     fn sum(
         &self,
         passes: &Passes,
