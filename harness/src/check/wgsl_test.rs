@@ -115,8 +115,8 @@ impl WgslTest {
         Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
     }
 
-    /// Generates the modules that call the test, with the parameters' types as the author wrote them. This is fast, because Karat links the
-    /// test only once, together with the generated function. `None` if there is an error.
+    /// Generates the modules that call the test, with the parameters' types as the author wrote them. This is fast,
+    /// because Karat links the test only once, together with the generated function. `None` if there is an error.
     fn copied(&self, written: &[(String, String)]) -> Option<Made> {
         let typed: Vec<_> = written.iter().map(|(name, ty)| (&**name, ty.clone())).collect();
         let [counting, telling] = self.generated(&typed, &BTreeMap::new());

@@ -46,9 +46,9 @@ pub struct OrderDependence {
     pub assertion: String,
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The position of the fault, as `file:line:column`: the store that takes effect late (see `turns`), or else the
-    /// first operation that returns a different value than in the usual order, or else the entry point of the last pass
-    /// that runs in another order.
+    /// The position of the fault, as `file:line:column`. If a store takes effect late (see `turns`), the position is
+    /// that of the store. Otherwise it is the position of the first operation that returns another value than in the
+    /// usual order. If there is no such operation either, it is the position of the last reordered entry point.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
@@ -294,8 +294,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion for the other orders if the elements disagree with the reference in the usual order: each other
-    /// order must give the same elements as the usual order, within the tolerance.
+    /// The assertion for the other orders, if the elements in the usual order differ from the expected elements: each
+    /// other order must give the same elements as the usual order, within the tolerance.
     own: Option<Assertion<'a>>,
 }
 
