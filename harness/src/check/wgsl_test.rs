@@ -46,11 +46,11 @@ pub struct WgslTest {
 struct Made {
     parameters: Vec<(String, Shape)>,
     calls: BTreeSet<String>,
-    /// The module whose function calls the test, and returns the number of evaluated expectations and the number of
-    /// expectations that may have failed.
+    /// The module whose function calls the test, and returns two counts: of the evaluated expectations, and of the
+    /// expectations that seem to fail.
     counting: Package,
-    /// The module whose function calls the test, and returns the values of the first expectations that may have failed.
-    /// Karat judges these values on the host.
+    /// The module whose function calls the test, and returns the values of the first expectations that seem to fail.
+    /// Karat then judges these values on the host.
     telling: Package,
 }
 
@@ -174,8 +174,8 @@ impl WgslTest {
         self.package.around(TESTED, module, &self.features, texts)
     }
 
-    /// The text of the test and of everything that the test uses, without comments and white space. The verdict
-    /// can change only if this text changes. `None` if Karat can't link the test.
+    /// The text of the test and of everything that the test uses, without comments and white space. An edit
+    /// can change the verdict only if it changes this text. `None` if Karat can't link the test.
     #[must_use]
     pub fn normalized_text(&self) -> Option<&str> {
         self.normalized_text.as_deref()

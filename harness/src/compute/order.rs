@@ -46,9 +46,9 @@ pub struct OrderDependence {
     pub assertion: String,
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The position of the fault, as `file:line:column`. If a store takes effect late (see `turns`), the position is
-    /// that of the store. Otherwise it is the position of the first operation that returns another value than in the
-    /// usual order. If there is no such operation either, it is the position of the last reordered entry point.
+    /// The position of the fault, as `file:line:column`: the store that takes effect late (see `turns`). Without such a
+    /// store, the position is the first operation that returns another value than in the usual order. Without such an
+    /// operation, it is the entry point of the last pass that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
