@@ -47,7 +47,7 @@ use crate::run::{
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Mirror, Shape, Shareable};
 
-/// Compute passes with their shared resources.
+/// Compute passes and their resources.
 ///
 /// ```
 /// use karat::prelude::*;

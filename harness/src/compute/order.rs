@@ -47,7 +47,7 @@ pub struct OrderDependence {
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
     /// The position of the fault, as `file:line:column`: the store that takes effect late (see `turns`). Without such a
-    /// store, the position is the first operation that returns another value than in the usual order. Without such an
+    /// store, the position is the first operation that returns a different value than in the usual order. Without such an
     /// operation, it is the entry point of the last pass that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
@@ -329,7 +329,7 @@ impl<'a> InOrders<'a> {
         !self.holds && self.own.is_none()
     }
 
-    /// Judges the result of a run in another order than the usual order. `endless` is `true` if a loop didn't end.
+    /// Judges the result of a run in an order other than the usual order. `endless` is `true` if a loop didn't end.
     fn sum(
         &self,
         passes: &Passes,
