@@ -47,8 +47,8 @@ pub struct OrderDependence {
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
     /// The position of the fault, as `file:line:column`: the store that takes effect late (see `turns`). Without such a
-    /// store, the position is the first operation that returns a different value than in the usual order. Without such an
-    /// operation, it is the entry point of the last pass that runs in another order.
+    /// store, the position is the first operation that returns a different value than in the usual order. Without such
+    /// an operation, it is the entry point of the last pass that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
