@@ -47,7 +47,7 @@ use crate::run::{
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Mirror, Shape, Shareable};
 
-/// Compute passes over resources that they share.
+/// Compute passes and their resources.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -217,7 +217,7 @@ pub enum ComputeError {
     /// The sanitizer finds violations in the passes, such as a race.
     #[error("{0}")]
     Violations(Box<Violations>),
-    /// An accepted race doesn't occur, has no reason, or names an unknown variable.
+    /// The test accepts a race that doesn't occur, gives no reason for accepting a race, or names an unknown variable.
     #[error("`{verb}` of `{variable}` {what}")]
     Accepted {
         /// The method that accepts the race.

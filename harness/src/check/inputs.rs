@@ -22,7 +22,8 @@ impl<V> Check<'_, Calls<V>> {
         self
     }
 
-    /// Runs the check with each way to pass arguments, because compilers treat the ways differently (see [`Inputs`]).
+    /// Makes the check run once for each way to pass arguments, because compilers treat the ways differently (see
+    /// [`Inputs`]).
     /// The check's record has a result for each way on each path.
     ///
     /// ```no_run

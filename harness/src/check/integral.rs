@@ -142,8 +142,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// Panics with the [`Failure`] if an integral disagrees, a node has no finite result, or nothing
-    /// could be compared.
+    /// Panics with the [`Failure`] if an integral differs from the expected integral, the result at a node isn't
+    /// finite, or nothing could be compared.
     #[track_caller]
     pub fn agrees_with<E: Mirror>(
         self,
@@ -156,7 +156,8 @@ where
     /// Runs [`agrees_with`](Self::agrees_with), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// Returns the failure if an integral disagrees, a node has no finite result, or nothing could be compared.
+    /// Returns the failure if an integral differs from the expected integral, the result at a node isn't finite, or
+    /// nothing could be compared.
     pub fn try_agrees_with<E: Mirror>(
         self,
         expected: impl Fn(&V) -> E + Sync,
@@ -178,7 +179,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// Panics with the [`Failure`] if an integral exceeds its bound, a node has no finite result, or
+    /// Panics with the [`Failure`] if an integral exceeds its bound, the result at a node isn't finite, or
     /// nothing could be compared.
     #[track_caller]
     pub fn is_at_most<E: Mirror>(self, bound: impl Fn(&V) -> E + Sync, slack: f64) -> Agreement {
@@ -188,7 +189,8 @@ where
     /// Runs [`is_at_most`](Self::is_at_most), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// Returns the failure if an integral exceeds its bound, a node has no finite result, or nothing could be compared.
+    /// Returns the failure if an integral exceeds its bound, the result at a node isn't finite, or nothing could be
+    /// compared.
     pub fn try_is_at_most<E: Mirror>(
         self,
         bound: impl Fn(&V) -> E + Sync,

@@ -92,7 +92,7 @@ pub enum Mismatch {
     #[error("has no parameter `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoParameter {
-        /// The parameter's name in the check.
+        /// The parameter name that the check uses.
         name: String,
         /// The parameter with the most similar name.
         nearest: Option<String>,

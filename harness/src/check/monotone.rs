@@ -47,7 +47,7 @@ impl fmt::Display for Trend {
 /// the other end of the range. The nearest of 32 candidates is about 1/64 of the range away. A wide step shows a wrong
 /// slope, and a short step shows a bump. In three of four cases, Karat shortens the step by a random factor, down to
 /// 1/4096. A rising function with a small jump down still rises over a wide step, but falls over a short step at the
-/// jump. Short steps usually find a jump of 1/1000 of the range.
+/// jump. Short steps usually find a jump of 1/1000 of the results' range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
 /// The largest number of attempts to sample a second value that differs from the case's own value. If the domain is a

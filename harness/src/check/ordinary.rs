@@ -160,8 +160,8 @@ impl<V> Check<'_, Calls<V>> {
     /// `shaders::tone::exact`. If both functions have the same mistake, the check passes.
     ///
     /// # Panics
-    /// Panics with the [`Failure`] if a case disagrees, if the engine can't execute the reference function, or if
-    /// nothing could be compared.
+    /// Panics with the [`Failure`] if the functions disagree in a case, if the engine can't execute the reference
+    /// function, or if nothing could be compared.
     #[track_caller]
     pub fn agrees_with_function(
         self,
@@ -174,8 +174,8 @@ impl<V> Check<'_, Calls<V>> {
     /// Runs [`agrees_with_function`](Self::agrees_with_function), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// Returns the failure if a case disagrees, if the engine can't execute the reference function, or if nothing could
-    /// be compared.
+    /// Returns the failure if the functions disagree in a case, if the engine can't execute the reference function, or
+    /// if nothing could be compared.
     pub fn try_agrees_with_function(
         self,
         reference: &str,

@@ -193,8 +193,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// Panics with the [`Failure`] if an integral exceeds its bound, the rules disagree, a node has no
-    /// finite result, or nothing could be compared.
+    /// Panics with the [`Failure`] if an integral exceeds its bound, the rules disagree, the result at a node isn't
+    /// finite, or nothing could be compared.
     #[track_caller]
     pub fn integrates_to_at_most<E: Mirror>(
         self,
@@ -208,7 +208,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Runs [`integrates_to_at_most`](Self::integrates_to_at_most), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// Returns the failure if an integral exceeds its bound, the rules disagree, a node has no finite result, or
+    /// Returns the failure if an integral exceeds its bound, the rules disagree, the result at a node isn't finite, or
     /// nothing could be compared.
     pub fn try_integrates_to_at_most<E: Mirror>(
         self,

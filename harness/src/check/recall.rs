@@ -7,7 +7,7 @@ use crate::probe::Inputs;
 use crate::run::{Descent, Entry};
 
 impl Session<'_> {
-    /// The inputs of this check's earlier failures that are still in its domain.
+    /// The failing inputs of earlier runs that are still in the check's domain.
     pub(super) fn remembered(&self) -> Vec<Vec<u32>> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut rows = Vec::new();

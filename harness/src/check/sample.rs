@@ -22,8 +22,8 @@ pub(super) struct Sample {
 }
 
 impl Sample {
-    /// Selects the cases to keep: all failing cases of the first sampled batch, and if Karat writes a record, about
-    /// `CASES` evenly spaced cases of that batch. Selects no case of other batches.
+    /// Selects the cases to keep: all failing cases of the first sampled batch. If Karat writes a record, also selects
+    /// about `CASES` evenly spaced cases of this batch.
     pub(super) fn picked(batch: &Batch) -> Picked {
         if !batch.is_drawn || batch.first != 0 {
             return Picked::default();

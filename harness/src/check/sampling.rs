@@ -1,6 +1,6 @@
 //! Checks of samplers. A sampler is a function that turns random numbers into samples of a density.
 //!
-//! A configuration is a value of the sampler's arguments that aren't random, such as a roughness and a view direction.
+//! A configuration contains the values of the sampler's non-random arguments, such as a roughness and a view direction.
 //! A check runs the sampler with several configurations. Each configuration has its own stream of random numbers, which
 //! depends only on the seed and the configuration's index. For each configuration, the check compares a p-value with a
 //! threshold. Karat computes this threshold so that the whole check rejects a correct sampler with the probability
@@ -52,8 +52,8 @@ const SIGNIFICANCE: f64 = 0.01;
 const MASS: f64 = 2e-4;
 
 impl<'a> Probe<'a> {
-    /// Begins a check of a sampler. A configuration is a value of the sampler's arguments that aren't random,
-    /// such as a roughness. `configurations` is the domain of these values. `arguments` makes the sampler's
+    /// Begins a check of a sampler. A configuration contains the values of the sampler's non-random arguments,
+    /// such as a roughness. `configurations` is the domain of the configurations. `arguments` makes the sampler's
     /// arguments from a configuration and random numbers. The random numbers are an `f32` in [0, 1), a vector
     /// of such numbers, or `u32`s.
     ///
@@ -252,8 +252,8 @@ struct Hypothesis {
     check: &'static str,
     /// The text of the assertion, for records and messages.
     text: String,
-    /// The number of statistical tests per configuration. The significance is the probability that at least one of all
-    /// tests rejects a correct sampler.
+    /// The number of statistical tests per configuration. The significance is the probability that at least one of the
+    /// check's tests rejects a correct sampler.
     tests: u64,
 }
 

@@ -132,7 +132,7 @@ pub enum Failure {
         function: String,
         /// The value that the reference returned.
         value: f64,
-        /// The component of the reference's result that has this value.
+        /// The component of the reference's result that isn't finite.
         place: String,
         /// The index of the case.
         case: u64,

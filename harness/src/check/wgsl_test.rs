@@ -46,11 +46,11 @@ pub struct WgslTest {
 struct Made {
     parameters: Vec<(String, Shape)>,
     calls: BTreeSet<String>,
-    /// The module whose function calls the test, and returns the number of evaluated expectations and the number of
-    /// expectations that may have failed.
+    /// The module whose function calls the test, and returns two counts: of the evaluated expectations, and of the
+    /// expectations that seem to fail.
     counting: Package,
-    /// The module whose function also returns the values of the first expectations that may have failed. Karat judges
-    /// these values on the host.
+    /// The module whose function calls the test, and returns the values of the first expectations that seem to fail.
+    /// Karat then judges these values on the host.
     telling: Package,
 }
 
@@ -115,8 +115,8 @@ impl WgslTest {
         Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
     }
 
-    /// Generates the modules with the parameters' types as the author wrote them. This is fast, because Karat links the
-    /// test only once, together with the generated function. `None` if there is an error.
+    /// Generates the modules that call the test, with the parameters' types as the author wrote them. This is fast,
+    /// because Karat links the test only once, together with the generated function. `None` if there is an error.
     fn copied(&self, written: &[(String, String)]) -> Option<Made> {
         let typed: Vec<_> = written.iter().map(|(name, ty)| (&**name, ty.clone())).collect();
         let [counting, telling] = self.generated(&typed, &BTreeMap::new());
@@ -174,8 +174,8 @@ impl WgslTest {
         self.package.around(TESTED, module, &self.features, texts)
     }
 
-    /// The text of the test and of everything that the test uses, without comments and white space. The verdict
-    /// can change only if this text changes. `None` if Karat can't link the test.
+    /// The text of the test and of everything that the test uses, without comments and white space. An edit
+    /// can change the verdict only if it changes this text. `None` if Karat can't link the test.
     #[must_use]
     pub fn normalized_text(&self) -> Option<&str> {
         self.normalized_text.as_deref()
@@ -195,7 +195,7 @@ impl WgslTest {
         made.into_iter().flat_map(|made| &made.calls).map(String::as_str)
     }
 
-    /// The test as a function. Give the function a domain, then [run](super::Check::try_expects) it.
+    /// A probe that runs the test. Give the probe a domain, then [run](super::Check::try_expects) it.
     ///
     /// # Errors
     /// Returns an error if the test isn't valid WGSL. The error has the position of the mistake in the author's file.

@@ -193,7 +193,7 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// Summarizes a tally. `shown` contains the first failing element, and the element with the largest error.
+    /// Summarizes a tally. The summary contains the first failing element, and the element with the largest error.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;

@@ -46,9 +46,9 @@ pub struct OrderDependence {
     pub assertion: String,
     /// `true` if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The position of the fault, as `file:line:column`: the store that takes effect late (see `turns`), or else the
-    /// first operation that returns a different value than in the usual order, or else the entry point of the last pass
-    /// that runs in another order.
+    /// The position of the fault, as `file:line:column`: the store that takes effect late (see `turns`). Without such a
+    /// store, the position is the first operation that returns a different value than in the usual order. Without such
+    /// an operation, it is the entry point of the last pass that runs in another order.
     pub location: String,
     /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
@@ -294,8 +294,8 @@ struct InOrders<'a> {
     /// The scalars of the resource after a run in the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion that replaces the test's assertion if that assertion fails in the usual order: the result of each
-    /// other order must agree with the result of the usual order.
+    /// The assertion for the other orders, if the elements in the usual order differ from the expected elements: each
+    /// other order must give the same elements as the usual order, within the tolerance.
     own: Option<Assertion<'a>>,
 }
 
@@ -329,7 +329,7 @@ impl<'a> InOrders<'a> {
         !self.holds && self.own.is_none()
     }
 
-    /// Judges the result of a run in an unusual order. `endless` is `true` if a loop didn't end.
+    /// Judges the result of a run in an order other than the usual order. `endless` is `true` if a loop didn't end.
     fn sum(
         &self,
         passes: &Passes,

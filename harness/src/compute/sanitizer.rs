@@ -153,8 +153,8 @@ impl After<'_> {
         with_tint(passes, self.compute.package, examined)
     }
 
-    /// Records how much of the passes the sanitizer checked. Returns an error if the test doesn't accept one of the
-    /// violations, or if the test accepts a race that doesn't occur.
+    /// Returns an error if there is a violation that the test doesn't accept, or if the test accepts a race that
+    /// doesn't occur. Also records how much of the passes the sanitizer checked.
     pub(super) fn expect_no_violations(
         &self,
         examined: Examined,

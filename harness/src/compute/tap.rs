@@ -14,7 +14,7 @@ use crate::reflect::TOLD;
 const MOST_BYTES: usize = 128 << 20;
 
 impl Compute<'_> {
-    /// Lists the `let`s and parameters that [`tap`](Self::tap) can read in the last pass, as one line of text for each.
+    /// Lists the `let`s and parameters that [`tap`](Self::tap) can read in the last pass, one line of text for each.
     ///
     /// # Errors
     /// Returns an error if the passes aren't valid.

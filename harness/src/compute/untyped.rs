@@ -117,8 +117,7 @@ pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeEr
     afterwards.into_iter().map(content).collect()
 }
 
-/// Returns the violations that the sanitizer finds, each with its message, and the part of the passes that the
-/// sanitizer checked.
+/// Returns the sanitizer's violations with their messages. Also returns how much of the passes the sanitizer checked.
 ///
 /// ```
 /// # use karat::prelude::*;

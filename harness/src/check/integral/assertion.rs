@@ -48,7 +48,7 @@ impl Assertion {
         }
     }
 
-    /// The phrase that follows the expected number in a message about a doubtful integral: `expected` or `the bound`.
+    /// The end of the phrase `1.5 is expected` or `1.5 is the bound`, in a message about a doubtful integral.
     pub(super) fn stated(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "expected",

@@ -5,7 +5,7 @@ use super::rejection::Finding;
 use crate::stats::accepts;
 
 pub(super) struct Judgement {
-    /// The reasons to reject the configuration. Empty if the samples fit.
+    /// The reasons to reject the configuration. Empty if the samples are acceptable.
     pub(super) findings: Vec<Finding>,
     /// The smallest p-value. 0 if there is a finding that doesn't depend on statistics.
     pub(super) p: f64,

@@ -76,8 +76,8 @@ impl Histogram {
 
     /// Draws three panels of cells with the first row at the top. The first panel shows the observed counts, the second
     /// panel the expected counts, both divided by the mean count. The third panel shows the difference, divided by its
-    /// standard deviation: red for too many samples, blue for too few. The picture shows all cells in the same size, so
-    /// the many small cells of a narrow lobe fill the picture.
+    /// standard deviation: red for too many samples, blue for too few. The picture shows all cells at the same size, so
+    /// a narrow lobe, which has many small cells, looks large.
     fn image(&self) -> Image {
         let rows = self.cells.row_lengths();
         let columns = rows.iter().copied().max().unwrap_or(1);

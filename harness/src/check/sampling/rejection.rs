@@ -97,8 +97,8 @@ pub struct PathRejection {
     pub replay: Replay,
 }
 
-/// A configuration that the check rejects. A configuration is a value of the sampler's arguments that aren't
-/// random.
+/// A configuration that the check rejects. A configuration contains the values of the sampler's non-random
+/// arguments.
 ///
 /// ```
 /// # use karat::check::Failure;
