@@ -670,7 +670,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Makes Karat write no records of the frame's verdicts. Use this method in a test that expects a failure. Karat
+    /// Tells Karat to write no records of the frame's verdicts. Use this method in a test that expects a failure. Karat
     /// draws an unrecorded frame even with `KARAT_FRAMES=off`.
     ///
     /// ```

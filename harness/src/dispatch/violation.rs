@@ -59,8 +59,9 @@ pub struct Violation {
     /// For a race, the construct that would order the accesses: a barrier, an atomic, or two passes.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub advice: String,
-    /// For a race, the two accesses, in the order in which Karat's engine made them. For a missed barrier, an invocation
-    /// that reaches the barrier, and one that misses it. For a wrong index, only the first access outside of the array.
+    /// For a race, the two accesses, in the order in which Karat's engine made them. For a missed barrier, an
+    /// invocation that reaches the barrier, and one that misses it. For a wrong index, only the first access outside of
+    /// the array.
     pub accesses: Vec<ViolationAccess>,
 }
 
