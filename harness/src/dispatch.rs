@@ -135,8 +135,8 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Checks if a path rejected the passes before it ran any pass. Returns `false` if a workgroup is too large,
-    /// because the author must fix the shader.
+    /// Checks if a path rejected the passes before it ran any pass. A workgroup that is too large for the path doesn't
+    /// count as a refusal: the shader has to change.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),
@@ -180,8 +180,7 @@ pub struct Pass {
     pub entry_point: String,
     /// The number of workgroups in each direction.
     pub workgroups: [u32; 3],
-    /// The resource variables that the entry point uses. Each variable has the index of its resource in
-    /// [`Passes::resources`].
+    /// The resource variables that the entry point uses, each with the index of its resource in [`Passes::resources`].
     pub bindings: Vec<(Binding, usize)>,
     /// The scalar types of the result, if `entry_point` is a fragment function. `None` for a compute pass. For a
     /// fragment function, `workgroups` has the width and height of the draw in pixels.
@@ -189,7 +188,7 @@ pub struct Pass {
 }
 
 impl Pass {
-    /// The number of invocations in all workgroups. A workgroup size that depends on overrides counts as 1.
+    /// The number of invocations in all workgroups.
     pub(crate) fn invocations(&self) -> u64 {
         self.invocations_of(self.workgroup_size())
     }

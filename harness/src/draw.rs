@@ -2,7 +2,7 @@
 //!
 //! A [`Drawing`] has the linked and validated shader of a frame and all other data that an
 //! [`Executor`](crate::executor::Executor) needs to draw the frame. A depth pre-pass writes only depth. The colour pass
-//! then draws only where the depth is equal, so this pass shades each pixel once.
+//! then draws only where its depth equals the depth from the pre-pass, so it shades each pixel once.
 
 mod blend;
 mod depths;

@@ -29,9 +29,9 @@ use crate::reflect::{Binding, Program};
 
 /// An executor: a driver, or any other program that runs WGSL.
 ///
-/// Checks and frames use executors only through this trait. By default, the environment selects paths, such as
-/// the drivers that wgpu finds. [`Probe::on`](crate::check::Probe::on) and [`Frame::on`](crate::Frame::on) take
-/// any other executor.
+/// Checks and frames use executors only through this trait. By default, they use the paths that environment variables
+/// such as `KARAT_PATHS` select. To use another executor, pass it to [`Probe::on`](crate::check::Probe::on) or
+/// [`Frame::on`](crate::Frame::on).
 ///
 /// ```
 /// use karat::unstable::executor::Executor;
@@ -314,12 +314,13 @@ pub(crate) fn left_open(
     }
 }
 
-/// The adapter of an executor. The adapter's path is the name that verdicts and replays use.
+/// The adapter of an executor. The field `path` has the executor's name in verdicts and replays.
 pub(crate) fn adapter(executor: &dyn Executor) -> Adapter {
     Adapter { path: executor.path().to_string(), ..executor.adapter() }
 }
 
-/// Returns the executors in `own`. If `own` is empty, returns the executors that the environment selects: at least one.
+/// Returns the executors in `own`. If `own` is empty, returns the executors of the paths that environment variables
+/// such as `KARAT_PATHS` select. The list has at least one executor.
 pub(crate) fn or_selected<'e>(
     own: &[&'e dyn Executor],
 ) -> Result<Vec<&'e dyn Executor>, PathError> {

@@ -47,7 +47,8 @@ pub struct Frame<'a> {
     scene: Scene<'a>,
     /// The frames that this frame reads as textures, by the name of the variable.
     inputs: Vec<(String, Self)>,
-    /// The executors that draw the frame. If the list is empty, the environment selects the paths.
+    /// The executors that draw the frame. If the list is empty, environment variables such as `KARAT_PATHS` select the
+    /// paths.
     executors: Vec<&'a dyn Executor>,
     /// The test's tolerance. `None` stands for the default tolerance.
     tolerance: Option<FrameTolerance>,
@@ -59,7 +60,7 @@ pub struct Frame<'a> {
     known_issues: KnownIssues,
     /// The position of the frame's declaration, if a `*.test.toml` or another file outside of Rust declares the frame.
     declared_at: Option<String>,
-    /// `true` if Karat writes the verdicts into the run's record.
+    /// `true` if Karat writes records of the verdicts.
     recorded: bool,
 }
 
@@ -499,7 +500,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws in two passes. The first pass writes only depth. The second pass draws colour where the depth is equal.
+    /// Draws in two passes. The first pass writes only depth. The second pass draws colour only where its depth equals
+    /// the depth from the first pass.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -668,8 +670,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps the verdicts out of the run's record. Use this method in a test that expects a failure. Karat draws an
-    /// unrecorded frame even with `KARAT_FRAMES=off`.
+    /// Tells Karat to write no records of the frame's verdicts. Use this method in a test that expects a failure. Karat
+    /// draws an unrecorded frame even with `KARAT_FRAMES=off`.
     ///
     /// ```
     /// # use karat::metric::Rect;
@@ -735,8 +737,8 @@ impl<'a> Frame<'a> {
         self.declared_at.clone().unwrap_or_else(|| caller.to_string())
     }
 
-    /// Draws the frame on `executor` instead of the paths that the environment selects. Each call adds an executor: see
-    /// [`Probe::on`](crate::check::Probe::on).
+    /// Draws the frame on `executor` instead of the paths that environment variables such as `KARAT_PATHS` select. Each
+    /// call adds an executor: see [`Probe::on`](crate::check::Probe::on).
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;

@@ -182,7 +182,7 @@ pub enum GoldenError {
     Unacceptable {
         /// The golden's name.
         case: String,
-        /// The defect of the frame.
+        /// The reason why the frame can't become a golden, such as a NaN.
         difference: Box<FrameDifference>,
         /// The file of the rendered frame.
         pending: String,

@@ -6,7 +6,7 @@ use crate::value::Shape;
 /// A part of a resource: all its components, or the components of a member.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// The index of the resource in the passes.
+    /// The index of the resource in [`Passes::resources`](super::Passes::resources).
     pub number: usize,
     /// The indices of the selected components. `None` selects all components.
     lanes: Option<Vec<usize>>,

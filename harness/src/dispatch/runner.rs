@@ -75,7 +75,8 @@ impl Device {
         Ok(())
     }
 
-    /// Runs the passes. Returns the contents of the written resources, and the counts of each pass's loops.
+    /// Runs the passes. Returns the contents of the written resources. For each pass, also returns how often each loop
+    /// took too many iterations.
     fn run_passes(
         &self,
         passes: &Passes,

@@ -13,7 +13,8 @@ pub struct ViolationAccess {
     pub place: String,
     /// The invocation, such as `local (3, 0, 0) of workgroup (1, 0, 0)`.
     pub invocation: String,
-    /// The invocation's action, such as `writes 7` or `reads 0.5`. At a barrier, `reaches it` or `doesn't`.
+    /// The invocation's action, such as `writes 7` or `reads 0.5`. At a barrier, `reaches it`, `doesn't` or
+    /// `takes another branch here`.
     pub does: String,
 }
 
@@ -58,8 +59,9 @@ pub struct Violation {
     /// For a race, the construct that would order the accesses: a barrier, an atomic, or two passes.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub advice: String,
-    /// Both accesses, in the order in which Karat's engine made them. WGSL also allows other orders. For a wrong index,
-    /// the list has only the first access outside of the array.
+    /// For a race, the two accesses, in the order in which Karat's engine made them. For a missed barrier, an
+    /// invocation that reaches the barrier, and one that misses it. For a wrong index, only the first access outside of
+    /// the array.
     pub accesses: Vec<ViolationAccess>,
 }
 

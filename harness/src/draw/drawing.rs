@@ -32,7 +32,8 @@ pub(crate) struct Scene<'a> {
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
-    /// The index of the first target for tapped values. A frame clears this target and all later targets to zeros.
+    /// The index of the first target for tapped values. Karat clears this target and all later targets to
+    /// zeros.
     pub(crate) told: Option<usize>,
 }
 
@@ -77,7 +78,7 @@ pub struct Drawing<'s> {
     read: Read,
 }
 
-/// The shaders, files and modules of the other frames that a drawing reads as textures.
+/// The shaders, files and modules of other frames whose images a drawing uses as textures.
 #[derive(Debug, Default)]
 struct Read {
     shaders: Vec<String>,

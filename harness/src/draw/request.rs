@@ -130,8 +130,8 @@ impl Draw {
 
     /// Draws over the whole frame with only a fragment function. If the function has an input at a location, the input
     /// must be a `vec2f`. The input gets texture coordinates from (0, 0) at the upper left to (1, 1) at the lower
-    /// right. The draw ignores the depth buffer, and writes depth only if the function returns a depth
-    /// (`@builtin(frag_depth)`).
+    /// right. By default, all pixels pass the depth test, and the draw writes depth only if the function returns a
+    /// depth (`@builtin(frag_depth)`).
     ///
     /// ```no_run
     /// use karat::draw::{Blend, Draw};

@@ -9,7 +9,7 @@ use crate::probe::{Call, Prepared, ProbeError, Started, VECTOR};
 /// limits the sum of their iterations.
 const ROUNDS: u64 = MOST_ROUNDS / VECTOR as u64;
 
-/// A function that the engine executes. The engine counts the iterations of the function's loops.
+/// Runs a function in the engine, and counts the iterations of the function's loops.
 enum Watcher {
     Together(Interpreted),
     Alone(Alone),
@@ -39,7 +39,7 @@ impl Watcher {
     }
 }
 
-/// A function on a driver. The engine runs each batch of cases before the driver runs the batch.
+/// A function that the engine runs on each batch of cases before the driver does.
 struct Guarded<'e> {
     prepared: Box<dyn Prepared + 'e>,
     function: Watcher,

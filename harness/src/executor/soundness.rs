@@ -70,8 +70,8 @@ fn rows(width: usize) -> Vec<u32> {
     rows
 }
 
-/// Scalar functions, each with the number of its arguments and a percentage. The engine must have bounds for at least
-/// this percentage of the cases.
+/// Scalar functions, each with the number of its arguments, and the smallest percentage of cases for which the engine
+/// must have bounds.
 const SCALARS: [(&str, usize, usize); 44] = [
     ("a + b", 2, 60),
     ("a - b", 2, 60),

@@ -131,7 +131,7 @@ pub enum TapError {
     Untold {
         /// The position of the value.
         place: String,
-        /// The text of the value.
+        /// The expression that computes the value, as text.
         text: String,
         /// The reason, as the end of the message: `a constant`, `an atomic`.
         why: String,
