@@ -116,7 +116,7 @@ pub struct Probe<'a> {
     /// The ways in which the kernel gets its arguments. If the list is empty, the kernel reads a storage
     /// buffer.
     inputs: Vec<Inputs>,
-    /// The executors that run the function. If the list is empty, the environment selects the executors.
+    /// The executors that run the function. If the list is empty, settings such as `KARAT_PATHS` select the executors.
     executors: Vec<&'a dyn Executor>,
     /// For a generated function: the span of the author's test in its file, and the folder of that test's
     /// package.
@@ -410,7 +410,7 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Keeps the verdict out of the record of the run. Call this method in tests that expect the check to fail.
+    /// Writes no record of this check. Call this method in tests that expect the check to fail.
     ///
     /// ```
     /// # use karat::prelude::*;
