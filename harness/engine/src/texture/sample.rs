@@ -90,7 +90,8 @@ impl Texture {
         mean
     }
 
-    /// The filter for a level of detail, the first of its two levels, and the weight of the second level.
+    /// The filter for a level of detail, the first of the two mip levels to mix, and the weight of the second mip
+    /// level.
     #[inline]
     fn levels_of(&self, sampler: &Sampler, level: Level) -> (Filter, u32, f64) {
         let last = self.levels() - 1;

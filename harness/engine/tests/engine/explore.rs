@@ -1,4 +1,4 @@
-//! Tests that the orders that the explorer chooses have the same results as all orders together.
+//! Tests [`Explorer`]: the orders that it chooses have the same results as all orders together.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
