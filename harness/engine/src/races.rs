@@ -108,7 +108,7 @@ pub struct Divergence {
     /// `true` for a subgroup operation.
     pub subgroup: bool,
     /// The condition or the jump at which the missing invocation took another branch. `None` if the engine doesn't know
-    /// it, for example because the invocations don't run side by side.
+    /// this site, for example because the invocations don't run side by side.
     pub parted: Option<Site>,
 }
 
@@ -353,7 +353,7 @@ pub(crate) struct Detector {
     /// The numbers of barriers that the workgroup has passed: barriers for workgroup memory, for storage, and for
     /// textures.
     epochs: [u32; 3],
-    /// The number, within the workgroup, of the first of the lanes that run at the moment.
+    /// The first of the lanes that are running, as a lane number within the workgroup.
     base: u32,
     /// For each kind of barrier in `epochs`, `true` if invocations wait at such a barrier.
     waiting: [bool; 3],

@@ -130,8 +130,8 @@ pub(crate) struct ByPriority<'s> {
     /// The units that stall, each with the number of an atomic: the unit stalls before it runs this atomic.
     stalls: Vec<(u32, u32)>,
     heap: BinaryHeap<(i64, Reverse<Actor>)>,
-    /// If the schedule lists turns, the actors whose next step has no effect that other actors see. Such a step doesn't
-    /// count as a turn.
+    /// The actors whose next step has no effect that other actors see, so the step doesn't count as a turn. Empty if
+    /// the schedule lists no turns.
     eager: BTreeSet<Actor>,
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,

@@ -171,7 +171,7 @@ impl Gallery {
         self
     }
 
-    /// Does the work that the process's arguments request. Returns 0 if all is well, 1 if a frame can't be rendered or
+    /// Runs the gallery with the arguments of the process. Returns 0 if all is well, 1 if a frame can't be rendered or
     /// has values that are not finite, and 2 if the gallery couldn't start.
     #[must_use = "return it from `main`"]
     pub fn main(self) -> ExitCode {
