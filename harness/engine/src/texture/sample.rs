@@ -355,7 +355,7 @@ struct Plane<'a> {
 
 /// The first of a sample's four texels. `first` is its index over all layers, or a negative number if one of the four
 /// texels doesn't exist or has no weight. `right` and `down` say how far the sample is from the centre of the first
-/// texel. The code uses only floats, so that one instruction handles several positions.
+/// texel. All fields are floats, so that one instruction computes several corners.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     first: f64,

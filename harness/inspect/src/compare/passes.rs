@@ -160,7 +160,7 @@ impl Request {
 }
 
 impl Request {
-    /// Returns two lists of violations between the pixels of a fragment function that writes memory: the violations
+    /// Runs the pixels of a fragment function that writes memory, before and after the edit. Returns the violations
     /// that the edit adds, and the violations that the edit removes.
     pub(super) fn brought_to_pixels(
         &self,
