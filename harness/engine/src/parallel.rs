@@ -9,8 +9,8 @@ pub(crate) type Next<'n> = &'n (dyn Fn() -> Option<usize> + Sync);
 
 /// Runs workers on this thread and on other threads, until the workers have taken all tasks. A worker may get no task.
 ///
-/// The calling thread works, too. If it only waited for one worker per core, the system's scheduler would often run two
-/// workers on one core while another core idles.
+/// The calling thread works, too. If the calling thread only waited, and each core had a worker, the system's scheduler
+/// would often run two workers on one core while another core idles.
 pub(crate) fn run(tasks: usize, worker: &(dyn Fn(Next<'_>) + Sync)) {
     let taken = AtomicUsize::new(0);
     let next = || Some(taken.fetch_add(1, Ordering::Relaxed)).filter(|task| *task < tasks);

@@ -25,16 +25,16 @@ use crate::scalar::{File, Scalar};
 /// first-level cache.
 const LANES: usize = 256;
 
-/// The smallest number of cases for which a register has `2 * LANES` lanes. The engine then decodes operations less
-/// often, and all cores are still busy.
+/// The smallest number of cases for which a register has `2 * LANES` lanes. With twice as many lanes, the engine
+/// decodes operations less often. With this many cases, all cores still have work.
 const MANY: usize = 16_384;
 
 /// The largest number of registers of a program: twice as many as the largest variable may need. With this number of
 /// registers, a thread needs 32 MiB for floats, or 64 MiB if there are at least [`MANY`] cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
-/// The number of lanes is a multiple of this constant: with fewer than [`LANES`] cases, there are as many lanes as
-/// cases, rounded up to a multiple. 16 lanes are two AVX vectors.
+/// The number of lanes is a multiple of this constant: with fewer than [`LANES`] cases, the engine rounds the number of
+/// cases up to the next multiple of 16. 16 lanes are two AVX vectors.
 const STEP: usize = 16;
 
 /// A lowered function or entry point.
@@ -130,7 +130,7 @@ impl Program {
     }
 
     /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report. A site may occur
-    /// twice. The sites of constants aren't among them.
+    /// twice. The iterator leaves out the sites of constants.
     pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
         all.map(|one| &self.code.sites[one.site as usize])

@@ -9,8 +9,8 @@
 //! The engine runs invocations in lockstep, so a race doesn't change the results. The detector therefore stores, for
 //! each element, the accesses with which a later access could race:
 //!
-//! - the last write, and the last write by any other invocation. So whichever invocation makes the later access, the
-//!   detector has a write by another invocation, if there was one;
+//! - the last write, and the last write by an invocation other than the last writer. So whichever invocation makes the
+//!   later access, the detector has a write by another invocation, if there was one;
 //! - the last write by an earlier workgroup;
 //! - the last write of a value that differs from the last written value, to distinguish equal writes from unequal
 //!   writes;
@@ -81,7 +81,7 @@ pub struct Race {
     pub second: Access,
     /// `true` if both invocations are in one workgroup. A barrier could then order the two accesses.
     pub one_workgroup: bool,
-    /// The number of elements, including this one, on which the same two lines of the source race.
+    /// The number of elements on which the same two lines of the source race.
     pub elements: u64,
 }
 
@@ -107,8 +107,8 @@ pub struct Divergence {
     pub count: usize,
     /// `true` for a subgroup operation.
     pub subgroup: bool,
-    /// The condition or the jump at which the missing invocation took another branch. `None` if the invocation never
-    /// reached the code that leads to the barrier.
+    /// The condition or the jump at which the missing invocation took another branch. `None` if the engine doesn't know
+    /// this site, for example because the invocations don't run side by side.
     pub parted: Option<Site>,
 }
 
@@ -116,7 +116,7 @@ pub struct Divergence {
 /// zero, or in a blank buffer: a buffer with unknown contents.
 #[derive(Clone, Debug)]
 pub struct Unwritten {
-    /// The first read of an unwritten element at this site.
+    /// The first read of an unwritten element by one operation of the shader.
     pub access: Access,
     /// The name of the variable in the module.
     pub variable: String,
@@ -124,7 +124,7 @@ pub struct Unwritten {
     pub own: bool,
     /// The offset of the first unwritten element that is read, in bytes from the beginning of the variable.
     pub byte: u32,
-    /// The number of reads of unwritten elements at this site.
+    /// The number of reads of unwritten elements by the operation of `access`.
     pub count: u64,
 }
 
@@ -221,7 +221,8 @@ pub struct Atomics {
 }
 
 impl Atomics {
-    /// The largest number of atomics for which orders are counted. More atomics have too many orders to try.
+    /// The largest number of atomics for which orders are counted. A larger number of atomics has too many orders to
+    /// try.
     const COUNTED: usize = 1 << 12;
 
     fn add(&mut self, invocation: usize, word: Word, kind: Touch) {
@@ -344,14 +345,15 @@ type Key = (u32, bool, (u32, u32), bool);
 #[derive(Debug)]
 pub(crate) struct Detector {
     width: u32,
-    /// The first invocation of each workgroup that has run. The caller can exclude workgroups.
+    /// The number of the first invocation of each workgroup that has run. Workgroups that the caller excludes are
+    /// missing.
     starts: Vec<usize>,
     /// The number of the current workgroup's first invocation, counting only the invocations of workgroups that run.
     first: u32,
     /// The numbers of barriers that the workgroup has passed: barriers for workgroup memory, for storage, and for
     /// textures.
     epochs: [u32; 3],
-    /// The number, within the workgroup, of the first of the lanes that run at the moment.
+    /// The first of the lanes that are running, as a lane number within the workgroup.
     base: u32,
     /// For each kind of barrier in `epochs`, `true` if invocations wait at such a barrier.
     waiting: [bool; 3],
@@ -466,9 +468,9 @@ impl Detector {
         self.base = base as u32;
     }
 
-    /// Notes that the invocations that wait at barriers continue. No other invocation of the workgroup is still
-    /// running. A unit is a group of `lanes` invocations that run side by side. `held` has the first invocation of each
-    /// waiting unit, with the site of its barrier.
+    /// Records that the waiting invocations pass their barriers. No other invocation of the workgroup is still running.
+    /// A unit is a group of `lanes` invocations that run side by side. `held` has the first invocation of each waiting
+    /// unit, with the site of its barrier.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));

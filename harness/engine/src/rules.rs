@@ -278,8 +278,8 @@ mod tests {
         (0..outs as u32).map(|out| columns.get(out)[0]).collect()
     }
 
-    /// If each argument is a number from an interval, the bounds of the result must lie within the bounds for the whole
-    /// intervals. Otherwise a result that WGSL allows could be outside of the bounds.
+    /// Bounds for single numbers must lie within the bounds for intervals that contain these numbers. Otherwise a
+    /// result that WGSL allows could be outside of the bounds.
     // Lesson 109
     #[test]
     fn wider_arguments_have_wider_results() {

@@ -58,7 +58,8 @@ pub struct Schedule {
     /// A loop that waits may end even if no other invocation changes a word, for example after a fixed number of
     /// iterations.
     pub patience: u32,
-    /// The invocations that stall, each with the number of its atomic before which it stalls. Atomics count from 1.
+    /// The invocations that stall, each with the number of an atomic: the invocation stalls before it runs this atomic.
+    /// Each invocation counts its atomics from 1.
     pub stalls: Vec<(usize, u32)>,
     /// The actors that get the first turns, one after another, for example as an [`Explorer`](crate::Explorer) chose
     /// them. After these turns, `priorities` decides.
@@ -126,11 +127,11 @@ const MOST_IN_A_ROW: u32 = 1 << 12;
 
 pub(crate) struct ByPriority<'s> {
     schedule: &'s Schedule,
-    /// The units that stall, each with the number of its atomic before which it stalls.
+    /// The units that stall, each with the number of an atomic: the unit stalls before it runs this atomic.
     stalls: Vec<(u32, u32)>,
     heap: BinaryHeap<(i64, Reverse<Actor>)>,
-    /// If the schedule lists turns, the actors whose next step has no effect that other actors see. Such a step doesn't
-    /// count as a turn.
+    /// The actors whose next step has no effect that other actors see, so the step doesn't count as a turn. Empty if
+    /// the schedule lists no turns.
     eager: BTreeSet<Actor>,
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,

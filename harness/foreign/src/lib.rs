@@ -4,9 +4,9 @@
 
 /// Makes a shader module from the SPIR-V of another compiler. wgpu neither reads nor changes the SPIR-V.
 ///
-/// naga validates the shader and translates it with bounds checks. The other compiler then compiles this translation.
-/// If the compiler has a bug, the driver may crash, or read and write other memory of the process. Karat takes this
-/// risk: a path such as `vulkan:hlsl` exists to test that compiler, too.
+/// Before this call, naga has validated the WGSL shader and translated it with bounds checks, and the other compiler
+/// has compiled the translation to SPIR-V. If that compiler has a bug, the driver may crash, or read and write other
+/// memory of the process. Karat takes this risk: a path such as `vulkan:hlsl` exists to test that compiler, too.
 #[must_use]
 #[expect(unsafe_code, reason = "wgpu has no other way to hand SPIR-V to a driver unchanged")]
 pub fn spirv_as_it_is(

@@ -45,8 +45,8 @@ const HEAD: Style = Style::HEAD;
 pub struct RenderOptions {
     /// The width and height in pixels, each from 1 to 16384. `None` means the frame's own size.
     pub size: Option<(u32, u32)>,
-    /// The number of samples per pixel, or another number that the frame defines, at least 1. `None` means the frame's
-    /// own number.
+    /// The number of samples per pixel, at least 1. A frame may give this number another meaning. `None` means the
+    /// frame's own number.
     pub samples: Option<u32>,
     /// A file with the light around the scene, such as an EXR panorama. The file existed when the options were read.
     /// `None` means the frame's own light.
@@ -171,7 +171,7 @@ impl Gallery {
         self
     }
 
-    /// Does the work that the process's arguments request. Returns 0 if all is well, 1 if a frame can't be rendered or
+    /// Runs the gallery with the arguments of the process. Returns 0 if all is well, 1 if a frame can't be rendered or
     /// has values that are not finite, and 2 if the gallery couldn't start.
     #[must_use = "return it from `main`"]
     pub fn main(self) -> ExitCode {

@@ -29,8 +29,8 @@ enum Mapping {
     Truth,
     /// One number. The colour scale magma goes from the smallest to the largest value.
     Range([f64; 2]),
-    /// One number of both signs. Blue is below 0, black is 0, red is above 0. The brightest colour is the largest
-    /// absolute value.
+    /// One number, with values below and above 0. Negative values are blue, 0 is black, and positive values are red.
+    /// The largest absolute value has the brightest colour.
     Signed(f64),
     /// Three numbers that form a unit vector. Red, green and blue are half of 1 + x, 1 + y and 1 + z.
     Direction,

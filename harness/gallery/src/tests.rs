@@ -31,7 +31,7 @@ fn arguments(words: &[&str]) -> RenderArguments {
     Standalone::try_parse_from(words).expect("good").arguments
 }
 
-/// Runs the gallery. Returns the result, and both outputs without colours.
+/// Runs the gallery. Returns the result, and the texts of stdout and stderr without colours.
 fn run(gallery: &Gallery, words: &[&str]) -> (Result<Vec<String>, String>, String, String) {
     let text = |bytes: Vec<u8>| {
         let plain = anstream::adapter::strip_bytes(&bytes).into_vec();

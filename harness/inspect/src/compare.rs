@@ -1944,8 +1944,8 @@ mod tests {
         assert!(one.is_open() && one.uncovered.is_empty());
     }
 
-    /// The comparison finds edits under several conditions with different numbers. A feature has the same value before
-    /// and after the edit.
+    /// The comparison finds edits under several conditions with different numbers. Both versions get the same values of
+    /// features.
     #[test]
     fn edits_under_several_numeric_conditions_are_compared() {
         let package =

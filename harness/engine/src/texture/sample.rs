@@ -90,7 +90,8 @@ impl Texture {
         mean
     }
 
-    /// The filter for a level of detail, the first of its two levels, and the weight of the second level.
+    /// The filter for a level of detail, the first of the two mip levels to mix, and the weight of the second mip
+    /// level.
     #[inline]
     fn levels_of(&self, sampler: &Sampler, level: Level) -> (Filter, u32, f64) {
         let last = self.levels() - 1;
@@ -354,7 +355,7 @@ struct Plane<'a> {
 
 /// The first of a sample's four texels. `first` is its index over all layers, or a negative number if one of the four
 /// texels doesn't exist or has no weight. `right` and `down` say how far the sample is from the centre of the first
-/// texel. The code uses only floats, so that one instruction handles several positions.
+/// texel. All fields are floats, so that one instruction computes several corners.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     first: f64,

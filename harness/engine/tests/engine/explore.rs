@@ -1,4 +1,4 @@
-//! Tests that the orders that the explorer chooses have the same results as all orders together.
+//! Tests [`Explorer`]: the orders that it chooses have the same results as all orders together.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -202,7 +202,8 @@ fn generated(state: &mut u64, invocations: usize, atomics: usize) -> Vec<Vec<Ato
     (0..invocations).map(|_| (0..atomics).map(|_| one()).collect()).collect()
 }
 
-/// The explorer finds exactly the results of all possible orders, and never runs more orders than there are.
+/// The explorer finds exactly the results of all possible orders. If stores take effect at once, the number of explored
+/// orders is at most the number of possible orders.
 // Lesson 216: each outcome is found
 #[test]
 fn the_explorer_finds_exactly_the_outcomes_of_all_orders() {

@@ -301,7 +301,8 @@ fn every_decision_within_the_bounds_is_followed() {
     assert!(undecided > 50, "only {undecided}");
 }
 
-/// The square root may be 0 only if its argument is subnormal, which in half precision means below 2^-14.
+/// The bounds of a square root in half precision contain 0 if the argument is subnormal (below 2^-14), but not if the
+/// argument is normal.
 #[test]
 fn roots_of_halves_that_may_be_flushed_may_be_zero() {
     let source = "enable f16; fn f(x: f32) -> f32 { return f32(sqrt(f16(x))); }";
@@ -314,8 +315,8 @@ fn roots_of_halves_that_may_be_flushed_may_be_zero() {
     assert!(four.contains(2.0) && four.lo() > 1.98 && four.hi() < 2.03, "{four:?}");
 }
 
-/// A bound of half precision contains all results that WGSL allows, and few others. Each row has an expression, its
-/// argument, its least and its greatest result, and how much wider the bounds may be.
+/// In half precision, the bounds contain all results that WGSL allows, and few others. Each row has an expression, its
+/// argument, its least and its greatest result, and the largest allowed distance between these results and the bounds.
 #[test]
 fn functions_of_halves_are_as_exact_as_wgsl_says() {
     let tiny = 2f32.powi(-15);

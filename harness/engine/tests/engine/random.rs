@@ -1,6 +1,6 @@
 //! Compares the results of random programs with those of a simple interpreter of syntax trees, case by case. If
-//! interval arithmetic can't decide some conditions, the bounds must contain the results for all combinations of their
-//! values.
+//! interval arithmetic can't decide some conditions, the bounds must contain the results for all values of these
+//! conditions.
 
 use std::fmt::Write as _;
 

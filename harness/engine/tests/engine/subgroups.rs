@@ -190,7 +190,8 @@ fn an_operation_that_some_of_a_subgroup_miss() {
     assert!(one.parted.as_ref().is_some_and(|site| site.span.location(source).line_number == 5));
 }
 
-/// A function outside of an entry point can't use subgroup operations, because the cases of a call form no subgroup.
+/// The engine can't call a function with subgroup operations directly, without an entry point, because the cases of a
+/// call form no subgroup.
 #[test]
 fn a_function_has_no_subgroup() {
     let (module, info) = module("fn sum(x: f32) -> f32 { return subgroupAdd(x); }");

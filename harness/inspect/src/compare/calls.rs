@@ -68,8 +68,8 @@ impl Results {
     }
 }
 
-/// A measure of how well a case shows a change: the change's clarity, `true` unless an argument is outside of its
-/// domain, and the distance between the two results.
+/// A measure of how well a case shows a change: the change's clarity, `false` if an argument is outside of its domain,
+/// and the distance between the two results.
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
@@ -318,9 +318,9 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// Checks for each argument lane (scalar) if it affects the change. A lane affects the change if the results differ
-/// when the lane gets its value from another case. If the work budget allows no further runs, each lane counts as
-/// affecting the change.
+/// Checks for each argument lane (scalar) if it affects the change. A lane affects the change if the results for `row`
+/// change when the lane gets its value from another case. If the work budget allows no further runs, each lane counts
+/// as affecting the change.
 fn lanes_that_matter(
     pair: &Pair<'_>,
     (rows, count, allowed): (&[u32], usize, usize),

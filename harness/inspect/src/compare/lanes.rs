@@ -87,8 +87,8 @@ impl Shared {
         (!results.is_empty()).then_some(Self { arguments, results, is_same: false, own })
     }
 
-    /// Matches the lanes of two functions that no host calls, by the parameters' positions and the members' names. An
-    /// edit may reorder or rename the members of a structure.
+    /// Matches the lanes of two functions that aren't entry points, by the parameters' positions and the members'
+    /// names. If the edit renamed members, matches the lanes in their order.
     fn of_names(was: &Function, is: &Function) -> Option<Self> {
         let arguments = |function: &Function| -> Keyed {
             let of = |(at, (_, shape)): (usize, &(String, Shape))| {

@@ -160,7 +160,7 @@ impl Request {
 }
 
 impl Request {
-    /// Returns two lists of violations between the pixels of a fragment function that writes memory: the violations
+    /// Runs the pixels of a fragment function that writes memory, before and after the edit. Returns the violations
     /// that the edit adds, and the violations that the edit removes.
     pub(super) fn brought_to_pixels(
         &self,
@@ -445,8 +445,8 @@ mod tests {
         }
     }
 
-    /// The comparison reports a race that occurs with only one of the generated buffers, in which two numbers are
-    /// equal. The numbers are positions in a list.
+    /// The comparison reports a race that occurs with only one generated content of the buffer `place`. In this
+    /// content, two elements are equal, so two invocations write the same element of `list`.
     #[test]
     fn a_violation_with_one_content_is_reported() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
@@ -747,8 +747,7 @@ mod tests {
             if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
         }";
 
-    /// Each of these edits changes results only for few inputs: in some rows of a grid, with twice as many elements as
-    /// invocations, or for a colour below 0.
+    /// Each of these edits changes results only for few inputs, such as some rows of a grid, or a colour below 0.
     #[test]
     fn edits_that_few_inputs_reveal_are_reported() {
         for (text, from, to) in [
