@@ -222,7 +222,8 @@ fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
     }
 }
 
-/// Reads a stream to its end, because a full pipe would block the process, and keeps only the last bytes.
+/// Reads a stream to its end, and keeps only the last bytes. An unread stream would fill its pipe and block the
+/// process.
 fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut part = [0; 1024];
     while let Ok(count @ 1..) = stream.read(&mut part) {

@@ -14,7 +14,7 @@ use crate::diagnostic::shown;
 pub enum ImageFormat {
     /// OpenEXR: floats in named channels.
     OpenExr,
-    /// PNG: integers that are encoded for screens.
+    /// PNG: integers, usually encoded as sRGB.
     Png,
 }
 

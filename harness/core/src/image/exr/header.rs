@@ -12,7 +12,7 @@ pub(super) use bytes::Bytes;
 
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, found};
 
-/// The largest number of channels in a part. Renderers write fewer channels into parts with colours.
+/// The largest number of channels in a part. Renderers stay below this limit in parts with colours.
 const MOST_CHANNELS: usize = 32;
 /// The name of the attribute that contains all of Karat's metadata. Karat uses a single attribute, because the encoder
 /// would write several attributes in random order, and equal images should give equal files.
