@@ -3,9 +3,9 @@
 //!
 //! `karat` contains Karat's own expectations, and `wgsl_test` has the expectations of the WGSL community's test runner.
 //! The first argument of each expectation is a number that identifies the call. The linker inserts this number into
-//! each call: `expect(x)` becomes `expect(3u, x)`. The shader tests each expectation with a slightly narrower bound than
-//! the author's. If this test fails, private variables store the expectation's values, and the host decides, by the
-//! kind of the expectation ([`Wanted`]), if the expectation really failed.
+//! each call: `expect(x)` becomes `expect(3u, x)`. The shader tests each expectation with a slightly narrower bound
+//! than the author's. If this test fails, private variables store the expectation's values, and the host decides, by
+//! the kind of the expectation ([`Wanted`]), if the expectation really failed.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

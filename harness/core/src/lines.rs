@@ -87,7 +87,7 @@ fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
 pub struct Lines {
     child: Child,
     /// The channel to the thread that writes to the process. If the process doesn't read its input, only this thread
-    /// blocks. `None` after the input was closed, which makes the process end.
+    /// blocks. `None` after Karat closed the process's input to end the process.
     to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
     end: u8,

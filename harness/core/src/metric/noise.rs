@@ -135,7 +135,7 @@ fn larger(worst: f64, value: f64) -> f64 {
 }
 
 impl Noise<'_> {
-    /// A message if the images of variances can't be used.
+    /// An error message if the images of variances can't be used, and otherwise `None`.
     fn unusable(&self, pair: &Pair<'_>) -> Option<String> {
         let size = (pair.golden().width(), pair.golden().height());
         for (name, image) in [("golden", self.golden), ("frame", self.actual)] {

@@ -337,7 +337,7 @@ impl Tiles {
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }
 
-    /// The number of tiles in all levels of an image whose sides are within the limits.
+    /// The number of tiles in all levels of an image of this size, which must be within Karat's limits.
     fn count(&self, width: u32, height: u32) -> u64 {
         let size = |side: u32, level: u32| {
             let divided = if self.round_up { side.div_ceil(1 << level) } else { side >> level };
