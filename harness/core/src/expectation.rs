@@ -2,10 +2,10 @@
 //! that a failing expectation stores.
 //!
 //! `karat` contains Karat's own expectations, and `wgsl_test` has the expectations of the WGSL community's test runner.
-//! The first argument of each expectation is a number that identifies the call. The linker inserts this number after
-//! the `(`. The shader tests each expectation with a slightly narrower bound than the author's. If this test fails,
-//! private variables store the expectation's values, and the host decides, by the kind of the expectation ([`Wanted`]),
-//! if the expectation really failed.
+//! The first argument of each expectation is a number that identifies the call. The linker inserts this number into
+//! each call: `expect(x)` becomes `expect(3u, x)`. The shader tests each expectation with a slightly narrower bound
+//! than the author's. If this test fails, private variables store the expectation's values, and the host decides, by
+//! the kind of the expectation ([`Wanted`]), if the expectation really failed.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -15,15 +15,15 @@ use std::sync::LazyLock;
 /// kind and the number of components, four for the values, four for the expected values, and two for the bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The largest number of expectations whose values a case stores. If more expectations fail, the message states only
-/// their number.
+/// The largest number of expectations whose values a case stores. If more expectations may have failed, the message
+/// states only how many others there are.
 pub const MOST_KEPT: usize = 3;
 
 /// The number of `u32`s in a test's result. The result consists of the number of evaluated expectations, the number of
 /// expectations that may have failed, and the stored values of the first [`MOST_KEPT`] of these expectations.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
-/// The kind of an expectation. The generated WGSL uses the numbers of these variants.
+/// The kind of an expectation. The generated WGSL contains the discriminants of these variants.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     True,
@@ -117,8 +117,9 @@ fn four(x: &str, width: usize) -> String {
     }
 }
 
-/// The WGSL that stores expectations that may have failed, in private variables. Each stored expectation has its own
-/// variables, because an array with a variable index makes compilation tens of times slower in some drivers.
+/// The WGSL code that stores, in private variables, the values of expectations that may have failed. Each stored
+/// expectation has its own variables, because an array with a variable index makes compilation tens of times slower in
+/// some drivers.
 fn report() -> String {
     let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
     let (mut stored, mut listed) = (String::new(), String::new());

@@ -87,7 +87,7 @@ fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
 pub struct Lines {
     child: Child,
     /// The channel to the thread that writes to the process. If the process doesn't read its input, only this thread
-    /// blocks. `None` after the input was closed, which makes the process end.
+    /// blocks. `None` after Karat closed the process's input to end the process.
     to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
     end: u8,
@@ -222,7 +222,8 @@ fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
     }
 }
 
-/// Reads a stream to its end, because a full pipe would block the process, and keeps only the last bytes.
+/// Reads a stream to its end, and keeps only the last bytes. An unread stream would fill its pipe and block the
+/// process.
 fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut part = [0; 1024];
     while let Ok(count @ 1..) = stream.read(&mut part) {

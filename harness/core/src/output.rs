@@ -1,5 +1,5 @@
 //! Writes text for people. The text can't send commands to a terminal. If the program that reads the output ends early,
-//! as `head` does, the command still does its work.
+//! as `head` does, Karat still finishes its work.
 //!
 //! Karat doesn't trust the names of files and drivers or the texts of shaders. So Karat escapes every character, as in
 //! `\u{1b}`, except for printable characters, line ends and tabs. Karat doesn't escape its own colours: it marks each
@@ -12,7 +12,7 @@ use std::io::{self, ErrorKind, Write};
 use std::sync::LazyLock;
 
 /// The colour and weight of a piece of text. In a format string, `{BAD}` begins the style `BAD`, and `{BAD:#}` ends it.
-/// The string contains the terminal commands (ECMA-48, SGR) that begin the style.
+/// The field contains the terminal commands (ECMA-48, SGR) that begin the style.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style(&'static str);
 
@@ -121,8 +121,8 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
-/// The length of the longest name, in bytes. A replay command has several names, and Linux limits an argument to 128
-/// KiB.
+/// The length of the longest name, in bytes. This limit keeps replay commands, which contain several names, short
+/// enough for Linux: an argument can have at most 128 KiB.
 const LONGEST_NAME: usize = 1000;
 
 /// A name in a form that every output format accepts: on one line (see [`one_line`]), and of at most 1000 bytes. A
@@ -228,7 +228,7 @@ impl<W: Write> Output<W> {
     /// Writes the text after the last line end, and flushes the stream.
     ///
     /// # Errors
-    /// Returns an error if a write failed for another reason than a closed stream.
+    /// Returns an error if a write failed for a reason other than a closed stream.
     pub fn finish(mut self) -> io::Result<()> {
         self.pass_on(self.line.len());
         self.attempt(Write::flush);

@@ -408,7 +408,7 @@ pub fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
-/// Reads the steps of a simplification in the form of environment variables and files: `3.0` is step 3, then step 0.
+/// Reads the steps of a simplification, as environment variables and files contain them: `3.0` is step 3, then step 0.
 #[doc(hidden)]
 pub fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()

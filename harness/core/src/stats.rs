@@ -5,7 +5,7 @@
 //! too few samples, only one cell, or a value that isn't a number, its result is [`NoVerdict`], never a p-value of NaN.
 //!
 //! [`Cells`] divides the support of a density into the cells of a histogram. A pilot run of the sampler chooses the
-//! cells so that all cells get about the same number of samples. The expected number of samples in a cell is the
+//! cells so that all cells get about the same number of samples. The expected share of the samples in a cell is the
 //! integral of the density over the cell, which [`integrate`] computes adaptively.
 
 mod cells;

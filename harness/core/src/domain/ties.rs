@@ -87,9 +87,9 @@ fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, u
     pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
-/// Returns the number of pairs of components of the same type in which no tie uses the second component yet, and the
-/// pair with the index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even
-/// with few optimisations.
+/// Counts the pairs of components of the same type whose second component has no tie yet, and returns the pair with the
+/// index `wanted`. The function runs for one sample in eight, so it is a plain loop, which is fast even with few
+/// optimisations.
 fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
     let (mut count, mut found) = (0, None);
     for from in 0..types.len() {

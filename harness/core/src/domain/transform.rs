@@ -5,7 +5,7 @@ use glam::{DMat4, DQuat, DVec3};
 use super::words::Words;
 use super::{Domain, Emptiness, Source, UnitVector};
 
-/// The largest absolute logarithm of a scale, to base 2: scales are from 1/4 to 4.
+/// The largest `abs(log2(scale))`: scales are from 1/4 to 4.
 const SCALES: f64 = 2.0;
 
 /// The sine and the cosine of 45 degrees. A quaternion with these components rotates by 90 degrees.

@@ -15,7 +15,7 @@ pub(super) const LARGEST_DECODED: u64 = 512 << 20;
 /// constant images, so a file whose header announces a much larger ratio is damaged or hostile.
 pub(super) const LARGEST_RATIO: u64 = 2000;
 
-/// The first bytes of formats that people often rename to `.exr` or `.png`.
+/// The first bytes of the formats that Karat recognizes, each with the name of the format.
 const BEGINNINGS: [(&[u8], &str); 10] = [
     (&exr::meta::magic_number::BYTES, "an OpenEXR image"),
     (PNG, "a PNG image"),

@@ -14,7 +14,7 @@ use crate::diagnostic::shown;
 pub enum ImageFormat {
     /// OpenEXR: floats in named channels.
     OpenExr,
-    /// PNG: integers that are encoded for screens.
+    /// PNG: integers, usually encoded as sRGB.
     Png,
 }
 
@@ -88,7 +88,7 @@ pub enum ImageError {
 }
 
 impl ImageError {
-    /// A function that makes an error from a reason, for `map_err`.
+    /// A closure for `map_err` that makes a [`Corrupt`](Self::Corrupt) error from a reason.
     pub(super) fn corrupt(path: &Path, format: ImageFormat) -> impl FnOnce(String) -> Self {
         move |reason| Self::Corrupt { path: shown(path), format, reason }
     }

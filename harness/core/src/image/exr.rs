@@ -124,8 +124,8 @@ impl ExrFile {
     /// # Errors
     /// Returns an error if the file is missing, unreadable or damaged; if the file is longer than 512 MB; if a side is
     /// longer than 16384 pixels; if a part has over 32 channels; or if a part's pixels take over 512 MB or over 2000
-    /// times the file's length. Deep data, chroma of a lower resolution and the compressions HTJ2K, ZSTD and LJ2K
-    /// aren't supported.
+    /// times the file's length. Deep data, subsampled chroma and the compressions HTJ2K, ZSTD and LJ2K aren't
+    /// supported.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         Self::decode(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }

@@ -113,8 +113,9 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     }
 }
 
-/// Checks if a file is a leftover: a temporary file for a golden, a frame or its provenance, whose writer ended before
-/// it renamed the file. A leftover has a name such as `sky.exr.1234-0.tmp`, which Karat gives to no other files.
+/// Checks if a file is a leftover: a temporary file that Karat began for an image or its provenance, and never renamed
+/// because the process ended first. A leftover has a name such as `sky.exr.1234-0.tmp`, which Karat gives to no other
+/// files.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;

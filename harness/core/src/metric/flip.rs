@@ -35,7 +35,7 @@ use crate::image::Image;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// Pixels per degree of vision. A display with 3840 pixels that is 0.7 m wide, seen from 0.7 m, has 67 pixels per
+    /// Pixels per degree of vision. A display that is 0.7 m and 3840 pixels wide, seen from 0.7 m, has 67 pixels per
     /// degree.
     pub pixels_per_degree: f32,
     /// The method that turns the errors of all pixels into one number.

@@ -266,7 +266,7 @@ impl fmt::Debug for Mask {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MaskError {
-    /// The mask's image has a NaN or an infinity in a red channel.
+    /// The red channel of the mask's image has a NaN or an infinity.
     #[error("the mask has a NaN or an infinity at ({x}, {y})")]
     NonFinite {
         /// The column of the pixel.

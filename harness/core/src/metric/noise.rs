@@ -6,10 +6,11 @@
 //! half, so at least one tile contains most of a small fault. Sidak's correction divides the significance level among
 //! the tests of all tiles.
 //!
-//! An error of some per cent of the light matters as much in dark regions as in bright regions, but the noise of bright
-//! regions would hide the error of dark ones. So each pixel's difference is divided by the brightness of the pixel's
-//! neighbours. Karat doesn't divide by the pixel's own brightness, because the weight would then depend on the pixel's
-//! own noise. Such a weight would favour the golden or the frame if one of them has more samples.
+//! An error of a few per cent matters as much in dark regions as in bright regions, but the noise of a tile's bright
+//! pixels would hide an error in its dark pixels. So each pixel's difference is divided by the brightness of the
+//! pixel's neighbours. Karat doesn't divide by the pixel's own brightness, because the weight would then depend on the
+//! pixel's own noise. If the golden and the frame had different numbers of samples, such a weight would bias the
+//! comparison.
 //!
 //! If pixels only change places, as in a shifted texture, the means of tiles don't change. So a second test, a
 //! chi-square test, compares the squared differences in a tile with the variances. A few pixels may have most of the
@@ -134,7 +135,7 @@ fn larger(worst: f64, value: f64) -> f64 {
 }
 
 impl Noise<'_> {
-    /// A message if the images of variances can't be used.
+    /// An error message if the images of variances can't be used, and otherwise `None`.
     fn unusable(&self, pair: &Pair<'_>) -> Option<String> {
         let size = (pair.golden().width(), pair.golden().height());
         for (name, image) in [("golden", self.golden), ("frame", self.actual)] {

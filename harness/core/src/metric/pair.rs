@@ -338,8 +338,8 @@ impl<'a> Pair<'a> {
         *self.key.get_or_init(|| relative::key(&self.compared_pixels()))
     }
 
-    /// The ranges of pixels, in whole strips, in which the images differ in any bit. Each item consists of the index of
-    /// the range's first pixel, the golden's pixels and the frame's pixels.
+    /// The strips in which the golden and the frame aren't identical. Adjacent strips are joined into one range. Each
+    /// item consists of the index of the range's first pixel, the golden's pixels and the frame's pixels.
     pub(super) fn different(&self) -> impl Iterator<Item = (usize, &[[f32; 4]], &[[f32; 4]])> {
         let (golden, actual) = (self.golden.pixels(), self.actual.pixels());
         let strip = move |range: &Range<usize>| {

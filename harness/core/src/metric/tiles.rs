@@ -25,9 +25,9 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// The errors at which the colour scale of a picture of errors can end. The error at the end has the brightest colour.
-/// The scale of other tools always ends at 1, so they show small errors as black. For large errors, Karat's scale also
-/// ends at 1, so the pictures are comparable. Errors below 0.001 are invisible to people, so no scale ends below 0.001.
+/// The possible upper ends of the colour scale that shows errors. The error at the end has the brightest colour. The
+/// scale of other tools always ends at 1, so they show small errors as black. For large errors, Karat's scale also ends
+/// at 1, so the pictures are comparable. Errors below 0.001 are invisible to people, so no scale ends below 0.001.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {

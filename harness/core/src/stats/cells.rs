@@ -120,8 +120,8 @@ impl Cells {
     }
 }
 
-/// The largest gap between two different samples, as a share of the range, that may come from rounding to `f32`. If
-/// samples are this dense, rounding makes some of them equal, even if the sampler is correct.
+/// The largest gap between two samples that rounding to `f32` can cause, as a share of the range. If samples are this
+/// dense, rounding makes some of them equal, even if the sampler is correct.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The bounds that divide values into `parts` parts with about the same number of values. If a bound would separate

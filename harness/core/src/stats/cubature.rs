@@ -3,9 +3,9 @@
 use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
-/// The number of Gauss-Legendre nodes along each side of a rectangle, for a rule of degree 13. The rule that checks it,
-/// Lobatto's rule of degree 7, has nodes on the sides of the rectangle. So the two rules disagree if a jump of the
-/// function is between the rectangle's sides and the outer Gauss-Legendre nodes.
+/// The number of Gauss-Legendre nodes for each coordinate of a rectangle: a rule of degree 13, whose nodes are inside
+/// of the rectangle. A second rule, Lobatto's rule of degree 7, also has nodes on the sides of the rectangle. So the
+/// two rules disagree if a jump of the function is between the rectangle's sides and the outer Gauss-Legendre nodes.
 const ORDER: u32 = 7;
 
 /// The largest number of nodes for the integrals over all cells together. A software rasteriser evaluates this many

@@ -1,8 +1,9 @@
 //! Gauss-Legendre quadrature.
 
-/// The `count` nodes in 0..1, in ascending order, each with its weight. The weighted sum of a polynomial at the nodes
-/// is its integral, up to the degree `2 count - 1`. Newton's method computes each node, a root of a Legendre
-/// polynomial, from Tricomi's approximation. Source: Abramowitz and Stegun 25.4.29 and 22.16.6.
+/// The `count` nodes in 0..1, in ascending order, each with its weight. For a polynomial of degree `2 count - 1` or
+/// less, the weighted sum of the values at the nodes equals the integral from 0 to 1. Newton's method computes each
+/// node, a root of a Legendre polynomial, from Tricomi's approximation. Source: Abramowitz and Stegun 25.4.29 and
+/// 22.16.6.
 ///
 /// ```
 /// let area: f64 = karat::stats::gauss_legendre(3).iter().map(|(x, weight)| weight * x * x).sum();

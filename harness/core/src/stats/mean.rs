@@ -98,9 +98,9 @@ impl Mean {
     /// because of their rounding.
     ///
     /// # Errors
-    /// Returns an error if there are fewer than 100 samples, if a number isn't finite, or if the slack is negative. The
-    /// result is also an error if the mean differs from the expected mean, but its standard error can't be estimated
-    /// because a few samples dominate the mean, or because all samples are 0.
+    /// Returns an error if there are fewer than 100 samples, if a number isn't finite, or if the slack is negative. If
+    /// the mean differs from the expected mean, the result is also an error if a few samples dominate the mean, or if
+    /// all samples are 0: the standard error can't be estimated from such samples.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {
@@ -169,7 +169,7 @@ mod tests {
         assert!((beyond.z - 4.0).abs() < 1e-3 && beyond.p < 1e-4, "{beyond:?}");
     }
 
-    /// A rare event is in a few of the samples or in none, so the samples don't show the error of their mean.
+    /// A rare event occurs in a few samples or in none, so the error of the mean can't be estimated from the samples.
     #[test]
     fn the_mean_of_a_rare_event_has_no_verdict() {
         let rare = |hits: u32| moments((0..65_536).map(|i| f64::from(u8::from(i < hits))));

@@ -96,8 +96,8 @@ impl Support {
         }
     }
 
-    /// The point at these coordinates, and the factor that converts an area in coordinates to the support's measure
-    /// there.
+    /// The point at these coordinates, and the factor that converts areas in the coordinates to the support's measure
+    /// near this point: `sin(a)` for a direction, `a` for a point of the disk, 1 for a number.
     #[doc(hidden)]
     #[must_use]
     pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {

@@ -183,7 +183,8 @@ mod tests {
         assert!(close(chi_square_critical(1.0, 0.05), 3.841_458_821, 1e-8)); // 1.96^2
     }
 
-    /// With one degree of freedom, the variable is the square of a normal number with the mean sqrt(lambda).
+    /// With one degree of freedom, a non-central chi-square variable is the square of a normal variable with the mean
+    /// sqrt(lambda).
     #[test]
     fn the_noncentral_tail_of_one_degree_is_normal() {
         for (x, lambda) in [(3.84, 1.0), (3.84, 10.0), (1.0, 4.0), (10.0, 1000.0)] {

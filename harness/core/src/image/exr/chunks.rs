@@ -183,7 +183,8 @@ fn decompress(
     }
 }
 
-/// A codec's message without the words that the `exr` crate adds. Karat replaces messages that give no reason.
+/// A codec's message without the words that the `exr` crate adds. If the message gives no reason (`compressed data`),
+/// the function returns a clearer message.
 fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {

@@ -12,7 +12,7 @@ pub(super) use bytes::Bytes;
 
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, found};
 
-/// The largest number of channels in a part. Renderers write fewer channels into parts with colours.
+/// The largest number of channels in a part. Renderers stay below this limit in parts with colours.
 const MOST_CHANNELS: usize = 32;
 /// The name of the attribute that contains all of Karat's metadata. Karat uses a single attribute, because the encoder
 /// would write several attributes in random order, and equal images should give equal files.
@@ -337,7 +337,7 @@ impl Tiles {
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }
 
-    /// The number of tiles in all levels of an image whose sides are within the limits.
+    /// The number of tiles in all levels of an image of this size, which must be within Karat's limits.
     fn count(&self, width: u32, height: u32) -> u64 {
         let size = |side: u32, level: u32| {
             let divided = if self.round_up { side.div_ceil(1 << level) } else { side >> level };

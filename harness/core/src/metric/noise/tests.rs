@@ -55,7 +55,8 @@ fn rendered(seed: u64) -> (Image, Image) {
     (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
 }
 
-/// Brightens a square with 2 % of the frame's pixels by 5 %. The seed determines the square's position.
+/// Makes a square part of the image 5 % brighter. The square covers 2 % of the image. The seed determines the square's
+/// position.
 fn brighter((mut mean, mut variance): (Image, Image), seed: u64) -> (Image, Image) {
     let mut random = Pcg32::new(seed, 9);
     let (left, top) = (random.next_u32() % (WIDTH - 68), random.next_u32() % (HEIGHT - 68));
