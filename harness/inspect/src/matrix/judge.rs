@@ -137,8 +137,8 @@ impl Judged {
 }
 
 /// The verdict that stops a translation: a rejection, or else a missing verdict. A validator that doesn't support a
-/// part of the language counts only if no other validator accepts. `spirv-cross` writes source text from SPIR-V and
-/// doesn't support all valid SPIR-V, so it doesn't count if `spirv-val` accepts.
+/// part of the language counts only if no other validator accepts the translation. `spirv-cross` writes source text
+/// from SPIR-V and doesn't support all valid SPIR-V, so it doesn't count if `spirv-val` accepts.
 fn rejection(said: &[Said]) -> Option<&Said> {
     let of = |said: &Said, tool: &str| said.command.starts_with(tool);
     let accepted = said.iter().any(|said| of(said, "spirv-val") && said.outcome == Outcome::Valid);
