@@ -72,7 +72,7 @@ pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 /// further contents only show how far the results change, and take a tenth of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
-/// The minimum number of inputs with equal results for the verdict "same", if some inputs couldn't run. It equals
+/// The number of inputs that must give equal results for the verdict "same" if other inputs couldn't run. It equals
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
@@ -108,7 +108,7 @@ pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 /// The number of workgroups that `compare` also tries for a pass whose usual dispatch has only one workgroup.
 pub(crate) const SEVERAL_WORKGROUPS: u32 = 3;
 
-/// The number of random orders for passes over generated resources. Each order costs one more run over each content.
+/// The number of random orders for passes over generated resources. Each order costs one more run.
 pub(crate) const ORDERS: u64 = 6;
 
 /// The smallest difference between two values that counts as visible, relative to the larger value. For the value 1,

@@ -39,7 +39,7 @@ pub enum Outcome {
     Broke,
 }
 
-/// The validators' verdicts on the rows' translations, by row and kind of text. Verdicts have the order of the tools.
+/// The validators' verdicts on the rows' translations, by row and kind of text. Each list is in the order of `Tool::of`.
 pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
