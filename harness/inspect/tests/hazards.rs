@@ -1451,8 +1451,8 @@ fn free_inputs_are_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// Karat finds no fault in these correct shaders of other projects. Each shader relies on its host: on an array longer than
-/// the dispatch, on a projection matrix, or on an earlier call that sets a private variable.
+/// Karat finds no fault in these correct shaders of other projects. Each shader relies on its host: on an array longer
+/// than the dispatch, on a projection matrix, or on an earlier call that sets a private variable.
 // Lesson 98
 #[test]
 fn inputs_of_the_host_cause_no_fault() {

@@ -39,7 +39,8 @@ pub enum Outcome {
     Broke,
 }
 
-/// The validators' verdicts on the rows' translations, by row and kind of text. Each list is in the order of `Tool::of`.
+/// The validators' verdicts on the rows' translations, by row and kind of text. Each list has the
+/// order of `Tool::of`.
 pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
