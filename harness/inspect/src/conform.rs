@@ -69,8 +69,8 @@ pub enum Answer {
     Right,
     /// The executor gave another answer, or no answer.
     Wrong,
-    /// The executor refused the shader, because it doesn't support such shaders. In a test, `refused_on` declares that
-    /// an executor refuses the test's shader.
+    /// The executor refused a shader that executors don't need to support. In a test, `refused_on` declares that an
+    /// executor refuses the test's shader.
     Refused,
     /// Karat didn't ask the question: the executor lacks an ability that the question needs, or the executor hung in
     /// earlier questions.

@@ -9,7 +9,7 @@
 //! the free inputs. If the operation goes wrong in every sample that reaches it, the finding is a *fault*. If the
 //! operation runs without the error in at least one sample, the finding is a *requirement*. Declared inputs are those
 //! in `[inputs]` of `karat.toml`. In a function without callers, inputs whose names suggest a range are declared, too.
-//! If a function has callers, its findings count only if the operation also goes wrong when the callers run.
+//! If a function has callers, a finding counts only if its operation also goes wrong when Karat runs the callers.
 //!
 //! ```no_run
 //! use karat::prelude::*;

@@ -32,8 +32,8 @@ pub(crate) const ALL_HOLDS: usize = 8;
 /// The number of failing cases that are kept for each finding. Karat chooses the held cases from the kept cases.
 pub(crate) const KEPT: usize = 64;
 
-/// The number of other values that Karat tries for an input to avert a finding. At most half of the values are edges,
-/// and the others are random samples.
+/// The number of other values that Karat tries for each input, to avert a finding. At most half of the values are
+/// edges, and the others are random samples.
 pub(crate) const VARIED: usize = 32;
 
 /// The maximum number of buffer members, arrays and textures that Karat varies separately to avert a finding. Each
@@ -72,7 +72,7 @@ pub(crate) const COMPARED_WORK: u64 = 1 << 25;
 /// further contents only show how far the results change, and take a tenth of a second each.
 pub(crate) const CHANGED_WORK: u64 = COMPARED_WORK / 16;
 
-/// The minimum number of inputs with equal results for the verdict "same", if some inputs couldn't run. It equals
+/// The number of inputs that must give equal results for the verdict "same" if other inputs couldn't run. It equals
 /// [`DRAWS`].
 pub(crate) const LEAST_EQUAL: usize = 64;
 
@@ -105,15 +105,14 @@ pub(crate) const OPEN_OVERRIDE: f64 = 4.0;
 /// number type.
 pub(crate) const OTHER_OVERRIDE: f64 = 3.0;
 
-/// The number of workgroups of a pass that usually runs one workgroup, but may run more.
+/// The number of workgroups that `compare` also tries for a pass whose usual dispatch has only one workgroup.
 pub(crate) const SEVERAL_WORKGROUPS: u32 = 3;
 
-/// The number of random orders for passes over generated resources. Each order costs as much as a plain run over each
-/// content.
+/// The number of random orders for passes over generated resources. Each order costs one more run.
 pub(crate) const ORDERS: u64 = 6;
 
-/// The smallest visible difference between two images side by side, relative to the larger value: a quarter of an 8-bit
-/// step.
+/// The smallest difference between two values that counts as visible, relative to the larger value. For the value 1,
+/// this is a quarter of an 8-bit step.
 pub(crate) const VISIBLE: f32 = 1e-3;
 
 // Limits of `matrix`.
@@ -125,7 +124,7 @@ pub(crate) const REPEATED: f64 = 1024.0;
 
 /// The smallest scale of a component, as a share of the largest component's scale. A component's scale is the largest
 /// magnitude of its results, and Karat compares the component relative to its scale. With the default tolerance of
-/// 1e-3, the allowed error is 1e-6 of the largest component, or about 8 steps of an `f32`.
+/// 1e-3, the allowed error is at least 1e-6 of the largest component, or about 8 steps of an `f32`.
 pub(crate) const CANCELLED: f64 = 1e-3;
 
 // Sizes of generated resources.

@@ -37,7 +37,7 @@ pub(crate) use resources::{Input, Mix, Resources};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ranges {
     declared: BTreeMap<String, Declaration>,
-    /// The paths of arguments and members that are builtin values, with the builtins' names.
+    /// The arguments and members that are builtin values, each with the builtin value's name.
     builtins: Vec<(String, String)>,
     extents: Option<Extents>,
     /// `true` if a range that a name suggests counts as declared.
@@ -484,9 +484,9 @@ impl Arguments {
         (usize::try_from(count).unwrap_or_default(), rows)
     }
 
-    /// At most `cases` rows: three quarters as in [`rows`](Self::rows), and then a quarter from `others`, the same
-    /// arguments with ranges that don't depend on names. In every second row from `others`, two undeclared inputs of
-    /// the same type are equal.
+    /// At most `cases` rows. Three quarters are sampled as in [`rows`](Self::rows). The last quarter comes from
+    /// `others`, which has the same arguments, but ignores the ranges that names suggest. In every second row from
+    /// `others`, two undeclared inputs of the same type are equal.
     pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
         /// One in four rows comes from `others`.
         const SHARE: usize = 4;
@@ -592,7 +592,7 @@ impl Arguments {
     }
 
     /// Two measures of how unusual a row is: the number of very large or very small floats, and the number of values
-    /// that aren't plain. Plain values are 0, 1, -1 and the largest numbers that Karat generates.
+    /// that aren't plain. Plain values are 0, 1, -1 and the ends of the range of unconstrained numbers.
     pub(crate) fn oddity(&self, row: &[u32]) -> [usize; 2] {
         /// The largest usual magnitude. Positions, times and sizes are rarely larger.
         const MOST: f32 = 1e4;
@@ -715,8 +715,8 @@ impl MadeUp {
         Ok(Self { lanes, fixtures, members, drawn: all })
     }
 
-    /// Generates the resources of a compute pass, with content number `case`. Sizes follow from the dispatch. In the
-    /// first two cases, indices in buffers also follow from the dispatch.
+    /// Generates the resources of a compute pass, with content number `case`. Sizes follow from the dispatch. In case
+    /// 0, the undeclared integers of an array are 0, 1, 2 and so on; in case 1, they count down to 0.
     ///
     /// # Errors
     /// Returns an error if the entry point isn't valid, or if a resource can't be generated.
@@ -798,7 +798,7 @@ impl Drawn {
         all
     }
 
-    /// The paths of all inputs, and the last names of these paths.
+    /// The full names (`params.groups`) and the short names (`groups`) of all inputs.
     pub(crate) fn names(&self) -> BTreeSet<&str> {
         let all = self.by.values().flatten();
         all.flat_map(|path| [path.as_str(), path.rsplit('.').next().unwrap_or(path)]).collect()
@@ -903,7 +903,7 @@ mod tests {
         assert!(!root.are_declared() && !root.are_known());
     }
 
-    /// The first two numbers of a vector are texture coordinates.
+    /// The first two components of a vector argument are texture coordinates: from 0 to 1 across the draw.
     #[test]
     fn pixels_have_coordinates() {
         let (probed, ranges) = function("fn f(uv: vec3f, k: u32) -> f32 { return uv.x; }");

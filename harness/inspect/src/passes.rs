@@ -13,8 +13,8 @@ use crate::limits::LEAST_INVOCATIONS;
 use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
 
 /// The number of workgroups in each direction for a pass whose dispatch isn't known. Several workgroups run in each
-/// direction in which the pass reads its position. They also run in a direction in which the pass may read its
-/// position, if the workgroup has several invocations there. "Several" usually means two workgroups, but three in the
+/// direction in which the invocations read their position. If Karat can't tell, several workgroups run in each
+/// direction in which a workgroup has several invocations. "Several" usually means two workgroups, but three in the
 /// vertical direction, so that the numbers of rows and columns differ. A pass that reads none of the builtin values in
 /// [`APART`] has one workgroup.
 fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) -> [u32; 3] {

@@ -11,7 +11,8 @@ use karat_core::diagnostic::Span;
 use crate::limits::SAMPLE;
 use crate::made_up::{Arguments, Ranges, SEED};
 
-/// Converts rows (the arguments of `count` cases) into the arguments of another version of the function.
+/// Converts rows (each has the arguments of one case) for another version of the function. The `usize` is the number of
+/// rows.
 type Own<'s> = &'s dyn Fn(&[u32], usize) -> Vec<u32>;
 
 /// One version of a function, with its resources. `own` converts rows into this version's arguments; without `own`, the

@@ -619,8 +619,8 @@ fn unchecked_inputs_and_functions_are_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
-/// Karat doesn't assume that two textures have the same size: a texel of one texture may be outside of the other. A
-/// generated array has one element for each invocation.
+/// Karat doesn't assume that two textures have the same size: a texel of one texture may be outside of the other. An
+/// index may also be outside of a generated array, which has one element for each invocation.
 #[test]
 fn a_texel_outside_may_be_one_of_another_size() {
     let of = |source: &str, value: &str| {
@@ -1451,8 +1451,8 @@ fn free_inputs_are_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// Karat finds no fault in these correct shaders of other projects. Each shader relies on the project's program: on an
-/// array longer than the dispatch, on a projection matrix, or on an earlier call that sets a private variable.
+/// Karat finds no fault in these correct shaders of other projects. Each shader relies on its host: on an array longer
+/// than the dispatch, on a projection matrix, or on an earlier call that sets a private variable.
 // Lesson 98
 #[test]
 fn inputs_of_the_host_cause_no_fault() {

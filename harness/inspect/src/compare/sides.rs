@@ -52,7 +52,7 @@ pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)
 
 /// Gives renamed resources, and resources with renamed members, the same contents in both packages. Otherwise the
 /// contents would differ, because they depend on names. If only one version of the function writes a resource, both
-/// packages get the resource's contents from that version.
+/// packages get the contents that Karat generated for that version.
 pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     let mut named = renamed(Side::of(before), Side::of(after));

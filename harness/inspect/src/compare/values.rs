@@ -71,7 +71,8 @@ pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
 }
 
 /// The clarity with which a case shows a change. Karat shows the clearest case. Numbers that differ visibly are clearer
-/// than NaN, because real inputs may never lead to NaN. A difference in the last digit is the least clear one.
+/// than NaN, because NaN is often the result of unrealistic inputs. A difference in the last digit is the least clear
+/// one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Clarity {
     /// The difference is too small to see in an image.
@@ -128,7 +129,7 @@ impl Largest {
 mod tests {
     use super::*;
 
-    /// Two NaN with different bits are equal as floats. The same bits differ as integers.
+    /// Two NaN with different bits are equal as floats, but differ as integers.
     #[test]
     fn the_distance_of_two_words_depends_on_their_type() {
         let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());

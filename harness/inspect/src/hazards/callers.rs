@@ -35,7 +35,7 @@ impl Callers {
         self.by_called.contains_key(function)
     }
 
-    /// Returns the functions whose runs decide the class of a function's findings: the last checked caller in each
+    /// Returns the functions whose runs decide the class of a function's findings: the outermost checked caller in each
     /// chain of callers. If there is no checked caller, returns the function itself.
     pub(super) fn roots<'c>(
         &'c self,

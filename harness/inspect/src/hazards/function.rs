@@ -281,8 +281,8 @@ impl Trial {
         })
     }
 
-    /// Runs the function over each content (set of generated values), with the arguments that `rows` returns for the
-    /// content. The inputs that `takes` selects come from another content, which `rows` also returns.
+    /// Runs the function over each content (set of generated values). For each content, `rows` returns the arguments,
+    /// and also another content. The inputs that `takes` selects get their values from this other content.
     fn again(
         &self,
         takes: Takes<'_>,
@@ -514,8 +514,8 @@ impl Trial {
     }
 }
 
-/// Checks if findings of this kind are faults only in functions whose inputs are all declared. With arbitrary inputs,
-/// most functions lose digits somewhere, or use an operation for which WGSL bounds no error.
+/// Checks for lost digits, and for operations for which WGSL bounds no error. With arbitrary inputs, most functions
+/// have such findings, so they are faults only in functions whose inputs are all declared.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
 }

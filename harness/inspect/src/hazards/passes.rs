@@ -115,7 +115,8 @@ impl InContent {
 /// Checks if a finding always occurs. Three conditions must hold:
 /// - The pass reaches the finding's operation over at least [`CONTENTS`] contents.
 /// - The finding occurs over each of these contents.
-/// - If the finding names the invocations that go wrong, one of them goes wrong whenever it reaches the operation.
+/// - If the finding lists invocations, at least one invocation goes wrong over each content in which it reaches the
+///   operation.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;

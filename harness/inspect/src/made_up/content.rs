@@ -90,8 +90,8 @@ pub(crate) struct Content {
     /// of the dispatch, and the second number for a long side. With a tail, the number of elements isn't a multiple of
     /// the workgroup size.
     pub(crate) tail: Option<[u32; 2]>,
-    /// The number of elements for each invocation of a one-dimensional dispatch; the elements then form a grid of
-    /// several rows.
+    /// For a one-dimensional dispatch whose elements form a grid of several rows: the number of elements for each
+    /// invocation.
     pub(super) rows: Option<u32>,
     /// `true` if unconstrained floats in arrays are negative. A read outside of an array gives 0, which then changes a
     /// maximum.
@@ -100,8 +100,8 @@ pub(crate) struct Content {
     pub(crate) shorter: Option<Shorter>,
     /// `true` if resources have more elements than a pass needs.
     pub(super) long: bool,
-    /// The kinds of values of three successive buffers. The next three buffers have these kinds again, and so on. So
-    /// the integers of a sorted buffer may be indices into an unsorted buffer, as in the data of a graph.
+    /// The kinds of values of three successive buffers. The next three buffers have these kinds again, and so on. Some
+    /// shaders need different kinds: in a graph, the integers of a sorted buffer are indices into an unsorted buffer.
     pub(super) orders: Option<[Numbered; 3]>,
     pub(crate) one_workgroup: bool,
     /// `true` if the content's indices and counts are like those that a host may use.

@@ -101,7 +101,7 @@ impl Extents {
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
         /// The largest share, in sixteenths.
         const MOST: u32 = 16;
-        /// The smallest share, in sixteenths. It is more than half, because a host dispatches no workgroup without
+        /// The smallest share, in sixteenths. It is more than half, so that the second of two workgroups still has
         /// elements.
         const LEAST: u32 = 9;
         /// The factor by which long resources are longer than usual; for a texture, in each direction. A pass that
@@ -185,8 +185,8 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], Content::OF_PASSES[7]).elements, [16, 8, 1]);
     }
 
-    /// There are at least 64 elements. With a tail, there are fewer elements than invocations in each direction in
-    /// which a workgroup has several invocations.
+    /// A dispatch of several workgroups has at least 64 elements. With a tail, there are fewer elements than
+    /// invocations in each direction in which a workgroup has several invocations.
     #[test]
     fn element_counts_fill_whole_workgroups_or_leave_a_tail() {
         let of = |size, workgroups, at: usize| {

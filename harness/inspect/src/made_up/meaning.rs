@@ -208,8 +208,8 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// Checks if a matrix has a name such as `world_from_local`. Karat generates such a matrix with an inverse, as a host
-/// does. All other matrices are unconstrained, so their determinant may be 0.
+/// Checks if a matrix has a name such as `world_from_local`. For such a name, Karat generates an invertible matrix, as
+/// a host does. All other matrices are unconstrained, so their determinant may be 0.
 pub(super) fn is_transform(name: &str) -> bool {
     is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }

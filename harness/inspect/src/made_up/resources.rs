@@ -19,8 +19,8 @@ const MOST: u64 = 16;
 /// The seed of all resources. A variable's contents depend on the variable's name, and are the same on every machine.
 pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
-/// Gives each resource that a function writes the same length as the resource that Karat generates for it. If the
-/// function computes derivatives, its arguments also get derivatives.
+/// Sets the length of each resource that a function writes to the length that Karat generates. If the function computes
+/// derivatives, its arguments also get derivatives.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
     if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {

@@ -29,8 +29,8 @@ pub struct Divergence {
     pub words: Vec<u32>,
     /// The results as 32-bit words, from this column and from the baseline.
     pub results: (Vec<u32>, Vec<u32>),
-    /// `true` if the columns also differ if this input runs without other inputs. Otherwise, a result depends on other
-    /// inputs of the same run: some drivers use one invocation's texture level for all invocations.
+    /// `true` if the columns also differ when this input runs alone. Otherwise, a result depends on other inputs of the
+    /// same run: some drivers use one invocation's texture level for all invocations.
     pub alone: bool,
     /// The first let-binding of the function whose value differs. `None` if all values agree. In this case, the results
     /// differ because of the `return` expression or of a value without a `let`.

@@ -1,6 +1,6 @@
-//! Recovers from rows that end the process: a driver that crashes ends the process, and a driver that hangs can't be
-//! stopped in any other way. A file records which row runs on which path, so that the next process can skip the row
-//! that ended the process.
+//! Recovers from rows that end the process. If a driver crashes, the process ends. If a driver hangs, the process must
+//! end, because nothing else stops the driver. A file records which row runs on which path, so that the next process
+//! can skip the row that ended the process.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -221,7 +221,8 @@ mod tests {
         At { package, row, path: path.map(str::to_owned) }
     }
 
-    /// Karat suspects only a row that was running when the process ended, and doesn't run the row a third time.
+    /// Karat suspects only the row that was running when the process ended. If this row ends a process again, Karat
+    /// doesn't run the row a third time.
     // Lesson 161
     #[test]
     fn a_row_is_given_up_when_it_ends_the_process_alone() {

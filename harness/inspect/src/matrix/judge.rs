@@ -39,7 +39,8 @@ pub enum Outcome {
     Broke,
 }
 
-/// The validators' verdicts on the rows' translations, by row and kind of text. Verdicts have the order of the tools.
+/// The validators' verdicts on the rows' translations, by row and kind of text. Each list has the
+/// order of `Tool::of`.
 pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
@@ -137,8 +138,8 @@ impl Judged {
 }
 
 /// The verdict that stops a translation: a rejection, or else a missing verdict. A validator that doesn't support a
-/// part of the language counts only if no other validator accepts. `spirv-cross` writes source text from SPIR-V and
-/// doesn't support all valid SPIR-V, so it doesn't count if `spirv-val` accepts.
+/// part of the language counts only if no other validator accepts the translation. `spirv-cross` writes source text
+/// from SPIR-V and doesn't support all valid SPIR-V, so it doesn't count if `spirv-val` accepts.
 fn rejection(said: &[Said]) -> Option<&Said> {
     let of = |said: &Said, tool: &str| said.command.starts_with(tool);
     let accepted = said.iter().any(|said| of(said, "spirv-val") && said.outcome == Outcome::Valid);

@@ -65,8 +65,8 @@ impl Known {
     }
 }
 
-/// Sets the declaration of each cell for which there is one. Returns the declarations that can't be checked here,
-/// because the column isn't in the matrix, the row has no verdict, or a validator or a driver is missing.
+/// Adds the declarations to the cells that they concern. Returns the declarations that can't be checked here, because
+/// the column isn't in the matrix, the row has no verdict, or a validator or a driver is missing.
 pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> Vec<Known> {
     let here = |known: &&Known| {
         let absent = !columns.iter().any(|column| known.is_of(*column));
@@ -94,8 +94,8 @@ impl Cell {
         Status::ALL.into_iter().find(|status| Some(*status) > self.status)
     }
 
-    /// The declaration that explains why the cell fails; `None` if the cell fails before the declared status, or if no
-    /// fault was observed.
+    /// The declaration that explains why the cell fails; `None` if the cell fails at another status than the declared
+    /// one, or if no fault was observed.
     #[must_use]
     pub fn fails_as_declared(&self) -> Option<&Known> {
         let seen = matches!(

@@ -111,7 +111,8 @@ pub enum MatrixError {
     Repeated(String),
 }
 
-/// The largest number of cases for a function. All cases are in memory on each column. `karat call` has the same limit.
+/// The largest number of cases for a function. Karat holds all cases of a column in memory. `karat call` has the same
+/// limit.
 const MOST_CASES: usize = 1 << 22;
 
 /// The number of rows that are translated, validated and run together. A validator checks several rows in one process,
