@@ -215,7 +215,7 @@ pub(crate) trait Judge: Sync {
         false
     }
 
-    /// Translates a failing case's result into text, if the result is an encoded report, as in a test in WGSL.
+    /// Translates a failing case's result into text, if the result is an encoded report, such as that of a WGSL test.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None

@@ -1,5 +1,5 @@
 //! Finds hazards while a function runs: values that aren't finite, lost digits, indices outside of their arrays, and
-//! operations that WGSL doesn't bound.
+//! operations whose results WGSL doesn't bound.
 //!
 //! A function runs in `f32` and also in `f64` (the shadow). Both runs record each operation with its operands. If an
 //! operand is already wrong, an earlier operation is at fault. So Karat reports each hazard at the first operation that
@@ -50,7 +50,7 @@ pub struct Found {
     pub values: Option<(f32, f64)>,
     /// For NaN, infinity and lost digits, the operation's operands in `f32`; otherwise empty.
     pub operands: Vec<f32>,
-    /// Two neighbouring pixels, if only one of them takes the derivative. Otherwise `None`.
+    /// For a derivative that only one of two neighbouring pixels takes, these two pixels; otherwise `None`.
     pub missing: Option<Missing>,
 }
 
@@ -134,8 +134,8 @@ impl Precision {
 /// The largest number of loop iterations of a case with generated arguments.
 pub(super) const PATIENCE: u64 = 4096;
 
-/// If a loop with generated arguments runs this number of iterations, Karat reports the loop as endless. A case then
-/// takes tenths of a second.
+/// The number of iterations after which Karat reports a loop as endless, in a call with generated arguments. A case
+/// with this number of iterations takes tenths of a second.
 pub const LONG: u64 = 1 << 18;
 
 /// The largest number of loop iterations of a case, if the number of iterations of each loop has a known bound.
@@ -147,7 +147,7 @@ const UNDECIDED: u64 = 16;
 
 /// A difference that is smaller than this share (2^-41) of its operands has fewer than 12 correct bits, even in double
 /// precision. Double precision rounds an operand by up to 2^-53 of the operand, and 53 - 41 is 12. An `f32` has 24
-/// bits, so 12 bits are half of its digits.
+/// significant bits, so 12 bits are half of its digits.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An interval whose relative width is at most this number counts as one number. If all operands of an operation count
@@ -317,8 +317,8 @@ fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     blind
 }
 
-/// The number of unbounded operations that Karat keeps for each lane. Karat reports the first of them that the caller
-/// doesn't ignore.
+/// The largest number of operations with unbounded results that Karat keeps for each lane. Karat reports the first of
+/// them that the caller doesn't ignore.
 const KEPT: usize = 16;
 
 /// A function that checks if an operation loses digits, compared with the same operation in double precision.
