@@ -42,8 +42,8 @@ impl Pending {
     }
 
     /// The folder of the golden with which Karat compared this frame or these values. `here` is a folder in the
-    /// project. The folder needn't exist yet: Karat makes it for a package's first golden. Returns `None` if the pending
-    /// file doesn't name the folder: an older Karat wrote the file, or the folder was in no project.
+    /// project. The folder needn't exist yet: Karat makes it for a package's first golden. Returns `None` if the
+    /// pending file doesn't name the folder: an older Karat wrote the file, or the folder was in no project.
     ///
     /// # Errors
     /// Returns an error if `here` is in no project, if the folder isn't inside of the project, or if a part of the
