@@ -28,7 +28,7 @@ pub(crate) enum Class {
     Shader,
     /// WGSL doesn't allow the result, so the driver is wrong.
     Driver,
-    /// WGSL allows results that differ by more than the check permits.
+    /// WGSL allows results that differ from the reference by more than the check permits.
     Conditioning,
     /// WGSL allows any result.
     Unbounded,

@@ -142,7 +142,7 @@ pub const LONG: u64 = 1 << 18;
 const MOST_ROUNDS: u64 = 65_536;
 
 /// The number of iterations after which the run with intervals stops, if the intervals don't decide whether a loop
-/// ends. Until then, the engine assumes in each iteration both that the loop ends and that it continues.
+/// ends. Until then, the engine follows both possibilities in each iteration: the loop ends, or it continues.
 const UNDECIDED: u64 = 16;
 
 /// A difference that is smaller than this share (2^-41) of its operands has fewer than 12 correct bits, even in double
@@ -249,7 +249,7 @@ recorder!(F64, f64, false);
 /// Observes a run with intervals, and collects facts about the operations in each lane.
 struct Known {
     /// For each lane, the operations that may return any value, in order. The flag is `true` if the operation itself is
-    /// the cause: its operands are narrow intervals, but WGSL has no bound for their result.
+    /// the cause: its operands are narrow intervals, but WGSL sets no bound for its result.
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
     /// Lanes and sites where double precision can't show which digits are lost.
     blind: BTreeSet<(usize, usize)>,
