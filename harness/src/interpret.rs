@@ -560,8 +560,9 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
 }
 
 /// Checks if many loops together used up a call's limit of `rounds` iterations. Then `own`, the largest number of
-/// iterations of a single loop, is less than 1/16 of the limit, and the loops may still end. An endless loop around an
-/// inner loop of 15 iterations reaches this share, so Karat recognises it.
+/// iterations of a single loop, is less than 1/16 of the limit, and the loops may still end. If each iteration of an
+/// endless loop runs at most 15 iterations of inner loops, at least 1/16 of all iterations are the endless loop's own,
+/// and this function returns `false`.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

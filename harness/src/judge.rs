@@ -28,7 +28,7 @@ pub(crate) enum Class {
     Shader,
     /// WGSL doesn't allow the result, so the driver is wrong.
     Driver,
-    /// WGSL allows results that differ by more than the check permits.
+    /// WGSL allows results that differ from the reference by more than the check permits.
     Conditioning,
     /// WGSL allows any result.
     Unbounded,
@@ -215,7 +215,7 @@ pub(crate) trait Judge: Sync {
         false
     }
 
-    /// Translates a failing case's result into text, if the result is an encoded report, as in a test in WGSL.
+    /// Translates a failing case's result into text, if the result is an encoded report, such as that of a WGSL test.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None

@@ -135,7 +135,7 @@ pub enum AcceptError {
     Nowhere {
         /// The golden's name.
         case: String,
-        /// The folder that the frame names.
+        /// The folder that the frame's metadata names.
         folder: String,
     },
     /// The path of a pending file contradicts the name in its metadata.
@@ -184,7 +184,7 @@ pub enum AcceptError {
         case: String,
         /// The profile.
         profile: Profile,
-        /// `true` if there is no golden for all profiles.
+        /// `true` if the golden for all profiles doesn't exist yet.
         missing: bool,
     },
     /// The golden's file would be too large.
@@ -212,7 +212,7 @@ pub enum AcceptError {
     /// A file can't be read or written.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// The pending file has no provenance: Karat didn't write it.
+    /// The pending file has no provenance, so Karat didn't write the file.
     #[error("`{0}` has no provenance, so Karat didn't write this file")]
     Foreign(String),
 }

@@ -29,7 +29,7 @@ impl Pending {
     /// no golden.
     ///
     /// # Errors
-    /// Returns an error if one of the files can't be read, or has no table.
+    /// Returns an error if the pending file or the golden can't be read, or isn't a table.
     pub fn changed_rows(&self, goldens: &Goldens) -> Result<Vec<ChangedRow>, AcceptError> {
         let (actual, _) = Table::read(&self.path)?;
         let golden = match Table::read(&goldens.values(&self.case)) {

@@ -46,7 +46,7 @@ impl Content {
         }
     }
 
-    /// Checks if a value is NaN or infinite. Masked pixels don't count.
+    /// Checks if any value of the content is NaN or infinite. Pixels outside of the mask don't count.
     pub(super) fn non_finite(&self) -> bool {
         match self {
             Self::Frame(parts) => parts::non_finite(parts),

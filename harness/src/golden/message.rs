@@ -8,7 +8,7 @@ use crate::tolerance::{beyond, power, significant};
 use crate::value::format_f32;
 
 impl Deviation {
-    /// The first bound that fails: the measured value as text, and the value divided by the bound.
+    /// The first bound that the frame exceeds: the measured value as text, and this value divided by the bound.
     pub(crate) fn worst_margin(&self) -> (String, Option<f64>) {
         let Some(margin) = self.margins.iter().find(|margin| !margin.passes()) else {
             return (String::new(), None);

@@ -42,8 +42,8 @@ impl Pending {
     }
 
     /// The folder of the golden with which Karat compared this frame or these values. `here` is a folder in the
-    /// project. The folder may not exist yet: a package's first golden creates it. Returns `None` if the pending file
-    /// doesn't name the folder: an older Karat wrote the file, or the folder was in no project.
+    /// project. The folder needn't exist yet: Karat makes it for a package's first golden. Returns `None` if the
+    /// pending file doesn't name the folder: an older Karat wrote the file, or the folder was in no project.
     ///
     /// # Errors
     /// Returns an error if `here` is in no project, if the folder isn't inside of the project, or if a part of the
@@ -178,8 +178,8 @@ impl Goldens {
         self.pending_folder().join(format!("{case}{PENDING_FRAME}"))
     }
 
-    /// Removes the pending frame of a profile after the profile's frame agrees with its golden again. A missing file is
-    /// no error.
+    /// Removes a profile's pending frame, once the profile's frame agrees with the golden again. A missing file is no
+    /// error.
     pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
         let file = self.pending_file(case);
         if named(&file).is_ok_and(|pending| pending.profile() == *profile) {

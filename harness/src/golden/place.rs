@@ -31,8 +31,8 @@ impl Goldens {
         }
     }
 
-    /// The folder's path from the project's root, with `/`. This path is the same on all machines. It is empty if the
-    /// folder is in no project.
+    /// The folder's path from the project's root, with `/` as separator. This path is the same on all machines. It is
+    /// empty if the folder is in no project.
     pub(crate) fn key(&self) -> String {
         let Some(folder) = resolved(&self.folder()) else { return String::new() };
         let below = root(&folder).and_then(|root| folder.strip_prefix(root).ok());

@@ -40,7 +40,7 @@ impl Seen {
     }
 }
 
-/// A line or a branch that an edit of the shader added or removed, and that no input reaches.
+/// A line or branch that only one of two compared versions of a shader has, and that no input reaches.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Uncovered {
     /// `file:line:column`
@@ -215,8 +215,8 @@ impl Coverage {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// The operations for which `is` returns `true`, if this version has more such operations with the same text than
-    /// the version `other`.
+    /// The operations of this version for which `is` returns `true`. Leaves out an operation if the version `other` has
+    /// at least as many such operations with the same text.
     fn more_than<'r>(
         &'r self,
         other: &Self,

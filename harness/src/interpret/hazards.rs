@@ -1,5 +1,5 @@
 //! Finds hazards while a function runs: values that aren't finite, lost digits, indices outside of their arrays, and
-//! operations that WGSL doesn't bound.
+//! operations whose results WGSL doesn't bound.
 //!
 //! A function runs in `f32` and also in `f64` (the shadow). Both runs record each operation with its operands. If an
 //! operand is already wrong, an earlier operation is at fault. So Karat reports each hazard at the first operation that
@@ -50,7 +50,7 @@ pub struct Found {
     pub values: Option<(f32, f64)>,
     /// For NaN, infinity and lost digits, the operation's operands in `f32`; otherwise empty.
     pub operands: Vec<f32>,
-    /// Two neighbouring pixels, if only one of them takes the derivative. Otherwise `None`.
+    /// For a derivative that only one of two neighbouring pixels takes, these two pixels; otherwise `None`.
     pub missing: Option<Missing>,
 }
 
@@ -134,20 +134,20 @@ impl Precision {
 /// The largest number of loop iterations of a case with generated arguments.
 pub(super) const PATIENCE: u64 = 4096;
 
-/// If a loop with generated arguments runs this number of iterations, Karat reports the loop as endless. A case then
-/// takes tenths of a second.
+/// The number of iterations after which Karat reports a loop as endless, in a call with generated arguments. A case
+/// with this number of iterations takes tenths of a second.
 pub const LONG: u64 = 1 << 18;
 
 /// The largest number of loop iterations of a case, if the number of iterations of each loop has a known bound.
 const MOST_ROUNDS: u64 = 65_536;
 
 /// The number of iterations after which the run with intervals stops, if the intervals don't decide whether a loop
-/// ends. Until then, the engine assumes in each iteration both that the loop ends and that it continues.
+/// ends. Until then, the engine follows both possibilities in each iteration: the loop ends, or it continues.
 const UNDECIDED: u64 = 16;
 
 /// A difference that is smaller than this share (2^-41) of its operands has fewer than 12 correct bits, even in double
 /// precision. Double precision rounds an operand by up to 2^-53 of the operand, and 53 - 41 is 12. An `f32` has 24
-/// bits, so 12 bits are half of its digits.
+/// significant bits, so 12 bits are half of its digits.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
 /// An interval whose relative width is at most this number counts as one number. If all operands of an operation count
@@ -249,7 +249,7 @@ recorder!(F64, f64, false);
 /// Observes a run with intervals, and collects facts about the operations in each lane.
 struct Known {
     /// For each lane, the operations that may return any value, in order. The flag is `true` if the operation itself is
-    /// the cause: its operands are narrow intervals, but WGSL has no bound for their result.
+    /// the cause: its operands are narrow intervals, but WGSL sets no bound for its result.
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
     /// Lanes and sites where double precision can't show which digits are lost.
     blind: BTreeSet<(usize, usize)>,
@@ -317,8 +317,8 @@ fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     blind
 }
 
-/// The number of unbounded operations that Karat keeps for each lane. Karat reports the first of them that the caller
-/// doesn't ignore.
+/// The largest number of operations with unbounded results that Karat keeps for each lane. Karat reports the first of
+/// them that the caller doesn't ignore.
 const KEPT: usize = 16;
 
 /// A function that checks if an operation loses digits, compared with the same operation in double precision.

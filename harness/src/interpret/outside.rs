@@ -37,7 +37,7 @@ const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(3),
 ];
 
-/// The effect of a pass's reads outside of arrays on its result.
+/// The effect that a pass's reads outside of arrays have on the results.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
     /// The reads that change the result while every other read returns its usual value, by their `Outside::number`.

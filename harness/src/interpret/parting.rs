@@ -125,8 +125,8 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
 }
 
 pub(crate) struct Parting {
-    /// The first operation that returns another value to an invocation than in the usual order: its position, and a
-    /// clause with the invocation, the usual value and the other value. `None` if only the order of writes differs.
+    /// The first operation that returns different values to an invocation in this order and in the usual order: its
+    /// position, and a clause that names the invocation and both values. `None` if only the order of writes differs.
     pub(crate) first: Option<(Span, String)>,
     pub(crate) turns: Turns,
 }

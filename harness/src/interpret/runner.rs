@@ -12,8 +12,8 @@ use crate::settings;
 /// The number of orders to sample, if there are too many orders to try all of them.
 const DRAWN: u64 = 16;
 
-/// The largest number of orders when the runner tries all orders. `MOST_INVOCATIONS` limits the number of invocations
-/// in all these runs together.
+/// The number of runs after which the runner gives up trying all orders. `MOST_INVOCATIONS` limits the number of
+/// invocations in all these runs together.
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 

@@ -23,8 +23,8 @@ use crate::reflect::{BindingKind, Dimension, Program};
 /// this limit, the sanitizer runs only some workgroups, and then stops.
 const WHOLE: u64 = 1 << 16;
 
-/// The number of workgroups to run in a pass that is too large: the first one, the last one, and others that
-/// Karat chooses by a hash of the pass's name.
+/// The number of workgroups that the sanitizer runs in a pass beyond the limit [`WHOLE`]. These are the first
+/// workgroup, the last one, and workgroups that Karat chooses by a hash of the pass's name.
 const SOME: usize = 64;
 
 /// The engine's options for passes over generated resources. These options limit the iterations of loops, because a

@@ -22,9 +22,9 @@ impl Observer<F32> for Evaluations {
 }
 
 /// Estimates the number of operations in a call. Calls run together, and an operation counts if any of the calls
-/// reaches it. The calls of a function that writes to module-scope variables run one by one, and the result is the mean
-/// number of operations of their calls. In a quad, each pixel is counted separately. Returns `None` if the loops take
-/// too many iterations.
+/// reaches it. If each call is a quad, the number is multiplied by 4, because a quad has four pixels. If the function
+/// writes to module-scope variables, its calls run one by one, and the result is the mean number of operations of a
+/// call. Returns `None` if the loops take too many iterations.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,

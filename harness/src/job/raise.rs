@@ -218,7 +218,7 @@ mod tests {
         "sources": [], "overrides": {}}, "entry_point": "f", "bindings": [{"at": [0, 0], "resource": 0}],
         "workgroups": [1, 1, 1]}]}}"#;
 
-    /// Replaces `from` by `to` in the job, and returns the reply to the new job. The test's device returns longer
+    /// Replaces `from` with `to` in the job, and returns the reply to the new job. The test's device returns longer
     /// buffers than requested.
     fn reply(from: &str, to: &str) -> Reply {
         assert!(JOB.contains(from), "{from}");

@@ -121,7 +121,7 @@ fn a_golden_that_would_not_change_is_not_written() {
     assert_ne!(std::fs::read(&golden_file).expect("there"), before);
 }
 
-/// Masked pixels may have any value.
+/// Pixels outside of the mask may have any value.
 #[test]
 fn a_frame_with_nan_under_its_mask_is_accepted() {
     let project = Project::new();
