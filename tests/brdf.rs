@@ -51,14 +51,14 @@ fn square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32.next_down()).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// Returns `false` for directions up to 1e-4 above the horizon. WGSL may flush the lobes' exponentials to 0 if they are
-/// below 1e-38, and for these directions, factors of up to 1e20 multiply them.
+/// Returns `false` for directions up to 1e-4 above the horizon. WGSL allows drivers to flush a lobe's exponential to 0
+/// if the exponential is below 1e-38. For these directions, the BRDF is the exponential times a factor of up to 1e20.
 fn apart_from_the_horizon((_, v, l): &(f32, Vec3, Vec3)) -> bool {
     v.z.min(l.z) > 1e-4 || v.z.min(l.z) <= 0.0
 }
 
-/// The largest value of a lobe that WGSL may flush to 0: 1e-38 times the lobe's peak (3e7), divided by 4 N.V N.L =
-/// 4e-8.
+/// A bound for values of a lobe that drivers flush to 0. These values are below 1e-23: 1e-38 times the lobe's peak
+/// (3e7), divided by the smallest 4 N.V N.L (4e-8).
 const VANISHED: Abs = Abs(1e-20);
 
 /// The tolerance for BRDFs with an exponential: 640 ulp, as in `distribution`, plus 87 times the error of the exponent.
