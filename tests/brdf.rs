@@ -52,7 +52,7 @@ fn square() -> impl Domain<Value = Vec2> {
 }
 
 /// Returns `false` for directions up to 1e-4 above the horizon. WGSL allows drivers to flush a lobe's exponential to 0
-/// if the exponential is below 1e-38. For these directions, the BRDF is the exponential times a factor of up to 1e20.
+/// if the exponential is below 1e-38. For these directions, the BRDF multiplies the exponential by a large factor.
 fn apart_from_the_horizon((_, v, l): &(f32, Vec3, Vec3)) -> bool {
     v.z.min(l.z) > 1e-4 || v.z.min(l.z) <= 0.0
 }

@@ -60,7 +60,7 @@ pub(super) fn run() {
     }
 }
 
-/// Times a pass with the sanitizer, and in other orders of its invocations. The benchmark divides both times by the
+/// Times a pass with the sanitizer, and the same pass in other orders of its invocations. The benchmark divides both times by the
 /// time of a plain run.
 pub(super) fn sanitizer() {
     println!(

@@ -134,8 +134,8 @@ fn all_modules_are_valid() {
     SHADERS.is_valid();
 }
 
-/// The guide's sample of a known issue. `fails_on` expects a failure on GL, which current drivers don't have, so the
-/// sample is compiled but never run.
+/// The guide's sample of a known issue. The sample is compiled but never run, because `fails_on` requires that the
+/// check fails on GL.
 #[expect(dead_code, reason = "it would have to fail on GL")]
 fn a_known_issue() {
     let mix = SHADERS.function("layering::masked").over((0.0..=1.0, 0.0..=1.0));
