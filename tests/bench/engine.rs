@@ -60,8 +60,8 @@ pub(super) fn run() {
     }
 }
 
-/// Times a pass with the sanitizer, and the same pass in other orders of its invocations. The benchmark divides both times by the
-/// time of a plain run.
+/// Times a pass with the sanitizer, and the same pass in other orders of its invocations. The benchmark divides both
+/// times by the time of a plain run.
 pub(super) fn sanitizer() {
     println!(
         "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
@@ -191,8 +191,8 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// Runs a check of a sum over 64 filtered samples of a cube map. The check computes no reference, so nearly all of
-/// the measured time is spent on the path.
+/// Runs a check of a sum over 64 filtered samples of a cube map. The check computes no reference, so nearly all of the
+/// measured time is spent on the path.
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::from_fn(32, |direction| 1.0 + 0.5 * direction))
