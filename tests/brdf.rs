@@ -575,8 +575,8 @@ fn samples_have_bounded_weights() {
 /// is the albedo that the quadrature over directions finds. A curve in the square separates samples above the horizon
 /// from samples below. The curve crosses up to 256 of the 16384 cells of the midpoint rule, and causes an error in
 /// each. At the curve, the weights jump by up to 2, or fall continuously to 0 if G goes to 0 with N.L. If the errors of
-/// cells have random signs, the mean has an error of 2 sqrt(256) / 16384 = 2e-3, and twice as much if the curve runs
-/// along the grid. Lambert's samples have no such curve.
+/// cells have random signs, the mean has an error of 2 sqrt(256) / 16384 = 2e-3. If the curve runs along the grid, the
+/// error is twice as large. Lambert's samples have no such curve.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {
