@@ -140,10 +140,10 @@ pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
 /// f(l) times the weight of l approximates the integral of f. The rule is accurate for smooth functions, and for lobes
 /// of width `alpha` around the mirror direction of `v`.
 ///
-/// The points of the rule are half vectors. A solid angle dh of half vectors gives the solid angle dl = 4 V.H dh of
-/// directions. For each azimuth, the polar angle of the half vectors ends where `l` meets the horizon. There the
-/// integrand jumps to 0, and a rule across this jump would lose its accuracy. `v` must be above the horizon. The
-/// integrand must be symmetric about the plane of `v` and the normal, as a BRDF is.
+/// The function chooses half vectors, and mirrors `v` at each of them to get `l`. A solid angle dh of half vectors
+/// gives the solid angle dl = 4 V.H dh of directions. For each azimuth, the polar angle of the half vectors ends where
+/// `l` meets the horizon. There the integrand jumps to 0, and a rule across this jump would lose its accuracy. `v` must
+/// be above the horizon. The integrand must be symmetric about the plane of `v` and the normal, as a BRDF is.
 #[must_use]
 pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(DVec3, f64)> {
     let sin_v = v.x.hypot(v.y);
@@ -191,8 +191,9 @@ fn sweep(
     rule
 }
 
-/// Computes the integral of `f` over the directions above the horizon. The rule is fine enough for lobes of width 0.01
-/// seen at 89 degrees: its relative error is at most 1e-5, or 1e-3 for Cook and Torrance's G, which has kinks.
+/// Computes the integral of `f` over the directions above the horizon. The function uses [`half_vector_rule`] with
+/// enough points for lobes of width 0.01 seen at 89 degrees: the relative error is at most 1e-5, or 1e-3 for Cook and
+/// Torrance's G, which has kinks.
 #[must_use]
 pub fn integral(alpha: f64, v: DVec3, f: impl Fn(DVec3) -> f64) -> f64 {
     half_vector_rule(alpha, v, 40, 40).into_iter().map(|(l, weight)| f(l) * weight).sum()
@@ -230,7 +231,7 @@ mod tests {
     }
 
     /// The solid angle to which `sample` maps a small square around `u`, divided by the square's area. The function
-    /// computes this ratio by central differences. It is the reciprocal of the density.
+    /// computes this ratio by central differences. The ratio is the reciprocal of the density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);

@@ -40,7 +40,8 @@ pub fn studio(direction: DVec3) -> DVec3 {
 /// 16 degrees from the centre.
 ///
 /// If a shader samples 64 directions on the hemisphere, they are about 18 degrees apart. A sun of a few degrees would
-/// lie between these directions, and each diffuse sphere would show 64 copies of the sun.
+/// fit between two of these directions. Then only a few points of a diffuse sphere would have a direction that hits the
+/// sun, and the sphere would show up to 64 bright spots instead of smooth light.
 fn sun(d: DVec3) -> DVec3 {
     let radiance = 50.0 * DVec3::new(1.0, 0.84, 0.62);
     let centre = DVec3::new(0.35, 0.75, 0.55).normalize();

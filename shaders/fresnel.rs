@@ -13,9 +13,9 @@ pub fn schlick(f0: DVec3, v_dot_h: f64) -> DVec3 {
 /// Computes the mean of r_s^2 and r_p^2, with cos_t from Snell's law: Born and Wolf 1999, section 1.5.2; Pharr et al.
 /// 2023 (pbrt-v4), section 9.3.5.
 ///
-/// `eta` = n_t / n_i is in 0.4..=2.5, and `cos_i` in 0..=1. The result is a reflectance. Total internal reflection
-/// returns 1. At eta = 1 there is no interface and the result is 0, also at grazing incidence, where the formula gives
-/// 0 / 0.
+/// `eta` = n_t / n_i is in 0.4..=2.5, and `cos_i` in 0..=1. The result is a reflectance. For total internal reflection,
+/// the result is 1. At eta = 1 there is no interface and the result is 0, also at grazing incidence, where the formula
+/// gives 0 / 0.
 #[must_use]
 pub fn dielectric(eta: f64, cos_i: f64) -> f64 {
     if eta == 1.0 {
@@ -53,13 +53,14 @@ pub fn conductor(eta: f64, k: f64, cos_i: f64) -> f64 {
     0.5 * (r_s.length_squared() + r_p.length_squared())
 }
 
-/// Computes 2 int c F(c) dc term by term, for Schlick's formula: 2 int c (1 - c)^5 dc = 2 / 42.
+/// Computes the mean of Schlick's F, weighted by the cosine c: the integral of 2 c F(c) over c in 0..=1. The integral
+/// of c (1 - c)^5 is 1 / 42.
 #[must_use]
 pub fn schlick_average(f0: DVec3) -> DVec3 {
     f0 + (DVec3::ONE - f0) * 2.0 / 42.0
 }
 
-/// Computes int F d(cos^2) for `eta` > 0, by quadrature of the exact `dielectric`.
+/// Computes the integral of F over cos^2 in 0..=1, for `eta` > 0, by quadrature of `dielectric`.
 ///
 /// Beyond the critical angle F is 1. The function maps the rest of the range of cos^2 to s in 0..=1, and computes a
 /// trapezoidal sum over ln(s / (1 - s)). Near eta = 1, F falls from 1 to almost 0 within a narrow range of cos^2: the

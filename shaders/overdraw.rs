@@ -1,4 +1,4 @@
-//! Rust counterpart of `overdraw.wgsl`: the expected images of the 64 spheres.
+//! Rust counterpart of `overdraw.wgsl`: spheres with holes, with stepped depths, and with a colour for each sphere.
 
 use glam::{DVec2, DVec3};
 

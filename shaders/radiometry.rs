@@ -49,7 +49,7 @@ pub fn irradiance_from_patch(
     radiance * area * cos_emitter * cos_receiver / distance.powi(2)
 }
 
-/// Computes the radiosity, albedo E.
+/// Computes the radiosity: the albedo times the irradiance.
 #[must_use]
 pub fn lambert_radiosity(albedo: f64, irradiance: f64) -> f64 {
     albedo * irradiance
@@ -86,9 +86,9 @@ pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
     area * cos_emitter / distance.powi(2)
 }
 
-/// Computes the exact solid angle of a cube map's texel. The part of the face z = 1 between the origin and (x, y) has
-/// the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). The solid angle of a texel is the second difference of this
-/// arctangent.
+/// Computes the solid angle of a cube map's texel by its closed form. The part of the face z = 1 between the origin and
+/// (x, y) has the solid angle atan(x y / sqrt(x^2 + y^2 + 1)). The solid angle of a texel is the second difference of
+/// this arctangent.
 ///
 /// The function subtracts arctangents of up to 0.52, so digits cancel. If a face is 4096 texels wide, a texel has about
 /// 2e-7 sr, and 8 digits of the result are right.

@@ -168,7 +168,7 @@ mod tests {
         assert!(seen.abs_diff_eq(DVec3::new(-0.5, 0.0, 0.75_f64.sqrt()), 1e-15));
     }
 
-    /// The integral int f cos dw of the BRDF with F = 1, by the midpoint rule over directions of light.
+    /// The integral of f cos over the directions of light, where f is the BRDF with F = 1, by the midpoint rule.
     fn albedo(alpha: f64, degrees: f64) -> f64 {
         let v = view(degrees);
         let n = 1000;

@@ -51,14 +51,14 @@ fn square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32.next_down()).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// Returns `false` for directions up to 1e-4 above the horizon. WGSL may flush the lobes' exponentials to 0 if they are
-/// below 1e-38, and for these directions, factors of up to 1e20 multiply them.
+/// Returns `false` for directions up to 1e-4 above the horizon. WGSL allows drivers to flush a lobe's exponential to 0
+/// if the exponential is below 1e-38. For these directions, the BRDF multiplies the exponential by a large factor.
 fn apart_from_the_horizon((_, v, l): &(f32, Vec3, Vec3)) -> bool {
     v.z.min(l.z) > 1e-4 || v.z.min(l.z) <= 0.0
 }
 
-/// The largest value of a lobe that WGSL may flush to 0: 1e-38 times the lobe's peak (3e7), divided by 4 N.V N.L =
-/// 4e-8.
+/// A bound for values of a lobe that drivers flush to 0. These values are below 1e-23: 1e-38 times the lobe's peak
+/// (3e7), divided by the smallest 4 N.V N.L (4e-8).
 const VANISHED: Abs = Abs(1e-20);
 
 /// The tolerance for BRDFs with an exponential: 640 ulp, as in `distribution`, plus 87 times the error of the exponent.
@@ -575,8 +575,8 @@ fn samples_have_bounded_weights() {
 /// is the albedo that the quadrature over directions finds. A curve in the square separates samples above the horizon
 /// from samples below. The curve crosses up to 256 of the 16384 cells of the midpoint rule, and causes an error in
 /// each. At the curve, the weights jump by up to 2, or fall continuously to 0 if G goes to 0 with N.L. If the errors of
-/// cells have random signs, the mean has an error of 2 sqrt(256) / 16384 = 2e-3, and twice as much if the curve runs
-/// along the grid. Lambert's samples have no such curve.
+/// cells have random signs, the mean has an error of 2 sqrt(256) / 16384 = 2e-3. If the curve runs along the grid, the
+/// error is twice as large. Lambert's samples have no such curve.
 // Lesson 15: sample, density and eval against each other
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {

@@ -126,7 +126,7 @@ fn blinn_phong_mirrors_cosines_above_one() {
         );
 }
 
-/// D is 0 at the horizon and below the horizon, although a GGX lobe reaches the horizon.
+/// D is 0 at the horizon and below the horizon, although the formula of GGX approaches alpha^2 / pi at the horizon.
 #[test]
 fn lobes_end_at_the_horizon() {
     let perpendicular = (ALPHA, UnitVector)

@@ -1,5 +1,5 @@
-//! Tests of the functions in `shaders/as_written/`, which contain the mistakes of papers and lectures. An ordinary
-//! check catches each mistake. `shaders/README.md` lists the mistakes by number: E3, P1.
+//! Tests of the functions in `shaders/as_written/`, which contain the mistakes of papers and lectures. Each mistake
+//! makes an ordinary check fail. `shaders/README.md` lists the mistakes by number: E3, P1.
 
 mod brdf;
 mod distribution;

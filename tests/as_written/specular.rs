@@ -1,5 +1,5 @@
-//! Tests specular light with mistakes: more light than a white environment has, a wrong direction, or a wrong mip
-//! level.
+//! Tests computations of specular light with mistakes: more light than a white environment has, a wrong direction, or a
+//! wrong mip level.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;

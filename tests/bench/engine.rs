@@ -60,8 +60,8 @@ pub(super) fn run() {
     }
 }
 
-/// Times a pass with the sanitizer, and in other orders of its invocations. The benchmark divides both times by the
-/// time of a plain run.
+/// Times a pass with the sanitizer, and the same pass in other orders of its invocations. The benchmark divides both
+/// times by the time of a plain run.
 pub(super) fn sanitizer() {
     println!(
         "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
@@ -85,7 +85,8 @@ pub(super) fn sanitizer() {
 const ORDERS: &str = "6";
 
 /// A shader in which each workgroup has a tile of 64 `u32`s. Each invocation adds up the weighted values of the tile,
-/// and then increments a counter, so the order of the invocations matters.
+/// and then adds the value that a shared counter had before this invocation incremented the counter. So the results
+/// depend on the order of the invocations.
 const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
     @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
     @group(0) @binding(2) var<storage, read_write> tickets: atomic<u32>;
@@ -190,8 +191,8 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// Runs a check of a sum over 64 filtered samples of a cube map. The check computes no reference, so the path takes
-/// nearly all of its time.
+/// Runs a check of a sum over 64 filtered samples of a cube map. The check computes no reference, so nearly all of the
+/// measured time is spent on the path.
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::from_fn(32, |direction| 1.0 + 0.5 * direction))

@@ -57,7 +57,7 @@ fn main() {
     }
 }
 
-/// Runs one task in its own process.
+/// Runs a task in the child process.
 fn child(task: &str) {
     match task {
         "schlick" => {

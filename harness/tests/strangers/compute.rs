@@ -222,7 +222,7 @@ fn textures_are_stored_and_sampled() {
         .agrees_with(reference.collect::<Vec<DVec4>>(), Rel(1e-3).or(Abs(1e-6))); // half floats
 }
 
-/// If a driver leaves a loop of a pass before its end, the check fails with an error at the loop's line.
+/// If a driver ends a pass's loop too early, the check fails with an error at the loop's line.
 // Lesson 128
 #[test]
 fn loops_of_passes_that_drivers_cut_short_are_errors() {

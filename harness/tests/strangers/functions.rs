@@ -101,7 +101,7 @@ fn twelve_parameters_and_none() {
         .agrees_with(|| 1.0_f64, Abs(0.0));
 }
 
-/// An override may be part of another override's initialiser.
+/// The initialiser of an override can use other overrides: `override B = A * 3.0;`.
 // Lesson 133
 #[test]
 fn overrides_that_others_are_made_of_are_set() {

@@ -1,7 +1,7 @@
 //! Checks several translations with one process of a tool, such as glslang.
 //!
 //! glslang spends most of its time on parsing GLSL's built-in declarations, before it reads a shader. One process
-//! checks ten files as fast as two processes check one file each.
+//! with ten files takes as long as two processes with one file each.
 
 use std::io;
 use std::process::Command;
@@ -18,7 +18,7 @@ impl Tool {
     /// [`validate`](Self::validate) for each translation.
     ///
     /// # Errors
-    /// The errors of [`validate`](Self::validate), one for each translation.
+    /// An element is an error if [`validate`](Self::validate) would return an error for this translation.
     pub fn validate_all(&self, translations: &[&Translation]) -> Vec<io::Result<Validation>> {
         let mut said: Vec<Option<io::Result<Validation>>> =
             translations.iter().map(|_| None).collect();

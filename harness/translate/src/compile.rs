@@ -304,8 +304,8 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
 mod tests {
     use super::*;
 
-    /// If SPIR-V multiplies a buffer's length by 4, the result is the length in bytes. Later versions of glslang may
-    /// write such SPIR-V.
+    /// If SPIR-V multiplies a buffer's length by 4, the result is the length in bytes. A later version of glslang
+    /// could write such SPIR-V.
     // Lesson 159
     #[test]
     fn lengths_in_words_differ_from_lengths_in_bytes() {

@@ -19,8 +19,8 @@ pub enum Verdict {
     /// No verdict: the tool doesn't support a feature of the language. The text names the feature, and contains the
     /// tool's output.
     Unable(String),
-    /// No verdict: the tool crashed, took too long, or wrote too much. The text contains the problem and the tool's
-    /// output.
+    /// No verdict: the tool crashed, took too long, or wrote too much. The text names the problem, and contains the
+    /// tool's output.
     Broke(String),
 }
 
@@ -267,7 +267,7 @@ impl Tool {
         Some((self.known.arguments)(target, entry_point, &file_of(target)))
     }
 
-    /// The arguments that compile a translation, if the tool checks this language by compiling it.
+    /// The arguments that compile a translation; `None` if the tool checks this language without compiling.
     fn compiles(&self, translation: &Translation) -> Option<Vec<String>> {
         let own = self.name() == compile::GLSLANG && translation.target == Target::Hlsl;
         own.then(|| self.arguments(translation)).flatten()

@@ -134,8 +134,8 @@ fn all_modules_are_valid() {
     SHADERS.is_valid();
 }
 
-/// This test passes only with an OpenGL driver that has the fault, so the compiler checks the test, and nothing runs
-/// it.
+/// The guide's sample of a known issue. The sample is compiled but never run, because `fails_on` requires that the
+/// check fails on GL.
 #[expect(dead_code, reason = "it would have to fail on GL")]
 fn a_known_issue() {
     let mix = SHADERS.function("layering::masked").over((0.0..=1.0, 0.0..=1.0));

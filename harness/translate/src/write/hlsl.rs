@@ -9,7 +9,7 @@ use naga::{Binding, BuiltIn, Function, Module, ResourceBinding, TypeInner};
 use super::{Job, Written};
 use crate::{Bindings, Code};
 
-/// The register space of naga's sampler heap. The next constants are the spaces of naga's other additional resources.
+/// The register space of naga's sampler heap. The next constants are the spaces of other resources that naga adds.
 /// The shader's own resources are in space 0.
 const SAMPLERS: u8 = 1;
 const SAMPLER_INDICES: u8 = 2;
