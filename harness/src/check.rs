@@ -212,7 +212,7 @@ impl<'a> Probe<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self

@@ -468,7 +468,7 @@ impl<'a> Compute<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -731,7 +731,7 @@ impl After<'_> {
     /// # Errors
     /// Returns an error if the path can't run the passes, or if the type of the elements isn't `T`.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
         let passes = self.compute.passes()?;
         let (part, shape) = passes.written(&self.variable)?;

@@ -727,7 +727,7 @@ impl<'a> Frame<'a> {
     /// frame.declared_at("shaders/sky.scene:3:1").matches(&GOLDENS, "sky");
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn declared_at(mut self, place: &str) -> Self {
         self.declared_at = Some(place.to_owned());
         self
@@ -751,7 +751,7 @@ impl<'a> Frame<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -773,7 +773,7 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// Returns an error if the shader isn't valid, a fixture is missing, or the path doesn't open.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
         let executor = executor::of(path)?;
         Ok(drawn(executor, &self.drawing_on(executor)?)?)

@@ -238,7 +238,7 @@ impl Goldens {
     /// assert!(GOLDENS.folder().ends_with("golden"));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         use std::borrow::Cow;
@@ -267,7 +267,7 @@ impl Goldens {
     /// assert!(Goldens::open("golden".as_ref()).folder().ends_with("golden"));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn folder(&self) -> PathBuf {
         Path::new(self.base.as_ref()).join(self.folder.as_ref())
@@ -311,7 +311,7 @@ impl Goldens {
     /// }
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn compared(&self, pending: &Pending) -> PathBuf {
         if pending.is_table() {
@@ -341,7 +341,7 @@ impl Goldens {
     /// # Errors
     /// Returns an error if the image differs from the golden, or there is no golden.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn check_image(
         &self,
         case: &str,

@@ -163,7 +163,7 @@ impl Package {
     /// assert_eq!(SHADERS.name(), "shaders");
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub const fn relative(base: &'static str, folder: &'static str) -> Self {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
@@ -204,7 +204,7 @@ impl Package {
     /// println!("{:?}", VELLO.modules());
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub const fn from_crate_in(base: &'static str, name: &'static str, root: &'static str) -> Self {
         let (base, name) = (Cow::Borrowed(base), Cow::Borrowed(name));
@@ -235,7 +235,7 @@ impl Package {
     /// # Errors
     /// Returns an error if the crate doesn't exist, or if it has no shaders.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
@@ -255,7 +255,7 @@ impl Package {
     /// Returns an error if the package isn't a crate, if its modules can't import from a crate `krate`, or if that
     /// crate has no folder `root`.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
         let package = self.found()?.into_owned();
         let Origin::Found(found) = &package.origin else {
@@ -373,7 +373,7 @@ impl Package {
     /// assert!(package.module_features("light", &["shadows"]).try_is_valid().is_ok());
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn module_features(&self, module: &str, features: &[&str]) -> Self {
         let mut own = self.clone();
@@ -412,7 +412,7 @@ impl Package {
     /// assert_eq!(Package::from_source("m", "fn f() {}").name(), "m");
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn name(&self) -> String {
         match &self.origin {
@@ -438,7 +438,7 @@ impl Package {
     /// assert!(package.root().ends_with("examples/shaders"));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn root(&self) -> PathBuf {
         match &self.origin {
@@ -496,7 +496,7 @@ impl Package {
     /// # Errors
     /// Returns an error if the folder is missing or unreadable, or if it has no modules.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn modules(&self) -> Result<Vec<String>, PackageError> {
         self.check_exists()?;
         let mut modules = match &self.origin {
@@ -538,7 +538,7 @@ impl Package {
     /// # Errors
     /// Returns an error if a folder can't be read, or if a `.wgsl` or `.wesl` file can't be a module.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
         let root = self.root();
         let mut files = match &self.origin {

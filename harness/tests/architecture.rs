@@ -327,7 +327,7 @@ struct PublicItems {
 }
 
 /// The line in the documentation of a method that may change, although its type is stable.
-const UNSTABLE: &str = "*Unstable*: this item may change in any release. It is meant for programs that run or report tests.";
+const UNSTABLE: &str = "*Unstable*: this item may change in any release. It is for programs that run tests or report their results.";
 
 impl PublicItems {
     fn of(text: &str) -> Vec<Item> {

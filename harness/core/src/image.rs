@@ -144,7 +144,7 @@ impl Image {
     /// assert_eq!(image.pixels()[0], [0.5, 0.5, 0.5, 1.0]);
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn pixels_mut(&mut self) -> &mut [[f32; 4]] {
         &mut self.pixels
     }
@@ -159,7 +159,7 @@ impl Image {
     /// assert_eq!(third.pixels()[0][0], 0.33325195);
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn rounded_to(&self, precision: Precision) -> Self {
         let mut rounded = self.clone();
@@ -185,7 +185,7 @@ impl Image {
     /// assert_eq!(image().hash(), image().hash());
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn hash(&self) -> String {
         let mut hasher = blake3::Hasher::new();
@@ -204,7 +204,7 @@ impl Image {
     /// assert_eq!((found.nan, found.first), (1, Some((0, 0))));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn non_finite(&self) -> NonFinite {
         let mut census = NonFinite::default();
@@ -232,7 +232,7 @@ impl Image {
     /// assert!((Image::new(1, 1, vec![[0.5, 0.5, 0.5, 1.0]]).key() - 0.5).abs() < 1e-3);
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn key(&self) -> f32 {
         let logarithms = self.pixels.iter().map(luminance).filter(|l| l.is_normal() && *l > 0.0);

@@ -379,7 +379,7 @@ impl Tolerance {
     /// assert_eq!(Tolerance::per_lane([Ulp(4.0).into(), Abs(0.1).into()]).lanes(), Some(2));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn lanes(&self) -> Option<usize> {
         match self {
@@ -423,7 +423,7 @@ impl Tolerance {
     /// assert!((error.ratio - 0.5).abs() < 1e-6); // half of the bound
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn measure(&self, lane: usize, actual: f32, expected: f64) -> LaneError {
         self.measure_sum(lane, f64::from(actual), expected)
@@ -445,7 +445,7 @@ impl Tolerance {
     /// # Panics
     /// Panics if `words` or `expected` has fewer elements than `scalars`.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn measure_words(
         &self,

@@ -47,7 +47,7 @@ impl<'a> Probe<'a> {
     /// # Ok::<(), karat::check::Failure>(())
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn over_dynamic(self, domain: Dynamic) -> Check<'a, Calls<Words>> {
         let shapes = domain.shapes().to_vec();
         Check::new(self, domain, Calls { shapes, values: PhantomData })
@@ -62,7 +62,7 @@ impl Check<'_, Calls<Words>> {
     /// # Errors
     /// See [`Check::try_agrees_with`].
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn try_agrees_with(
         self,
         expect: ExpectWords<'_>,
@@ -80,7 +80,7 @@ impl Check<'_, Calls<Words>> {
     /// # Errors
     /// See [`Check::try_satisfies`].
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn try_satisfies(self, statement: &str, holds: Holds<'_>) -> Result<Agreement, Failure> {
         let shape = self.result()?;
         self.plan.satisfies(&*self.stream, &self.demand(), statement, (&shape, holds))
@@ -92,7 +92,7 @@ impl Check<'_, Calls<Words>> {
     /// # Errors
     /// See [`Check::try_invariant_under`].
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn try_invariant_under(
         self,
         transform: Transform<'_>,
@@ -107,7 +107,7 @@ impl Check<'_, Calls<Words>> {
     /// # Errors
     /// See [`Check::try_at_limit`].
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn try_at_limit(
         self,
         argument: impl Into<Parameter>,
@@ -144,7 +144,7 @@ impl Check<'_, Calls<Words>> {
     /// # Errors
     /// Returns the failure if an expectation fails, or the test evaluates no expectation.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn try_expects(self) -> Result<Agreement, Failure> {
         self.plan.expects(&*self.stream, &self.demand())
     }
@@ -155,7 +155,7 @@ impl Check<'_, Calls<Words>> {
     /// # Errors
     /// See [`Check::try_integrates_to`].
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn try_integrates_to(
         self,
         directions: Directions,
@@ -171,7 +171,7 @@ impl Check<'_, Calls<Words>> {
     /// # Errors
     /// See [`Check::try_integrates_to_at_most`].
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn try_integrates_to_at_most(
         self,
         directions: Directions,

@@ -62,7 +62,7 @@ impl Package {
     /// Returns an error if Karat can't read the package. If Karat can't read a module, the result for that module is an
     /// error.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn tests_in(
         &self,
         modules: &[String],

@@ -19,7 +19,7 @@ impl Compute<'_> {
     /// # Errors
     /// Returns an error if the passes aren't valid.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn values(&self) -> Result<Vec<String>, TapError> {
         let passes = self.passes()?;
         let pass = passes.passes.last().expect("there is one");
@@ -32,7 +32,7 @@ impl Compute<'_> {
     /// # Errors
     /// Returns an error if the passes aren't valid.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn prints(&self) -> Result<Vec<String>, TapError> {
         let passes = self.passes()?;
         let pass = passes.passes.last().expect("there is one");
@@ -61,7 +61,7 @@ impl Compute<'_> {
     /// # Errors
     /// Returns an error if the pass has no such value, or the path can't run the passes.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
         let mut passes: Passes = self.passes()?;
         let pass = passes.passes.last_mut().expect("there is one");

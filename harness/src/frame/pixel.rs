@@ -68,7 +68,7 @@ impl Frame<'_> {
     /// Returns an error if no draw covers the pixel, if the frame can't be drawn, or if the engine can't run the
     /// function.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn trace(&self, path: Path, pixel: (u32, u32)) -> Result<TracedPixel, TapError> {
         self.trace_layer(path, pixel, 1)
     }
@@ -79,7 +79,7 @@ impl Frame<'_> {
     /// # Errors
     /// As for [`trace`](Self::trace).
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn trace_layer(
         &self,
         path: Path,

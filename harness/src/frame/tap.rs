@@ -456,7 +456,7 @@ impl Frame<'_> {
     /// # Errors
     /// Returns an error if the frame can't be drawn.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn values(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -470,7 +470,7 @@ impl Frame<'_> {
     /// # Errors
     /// Returns an error if the frame can't be drawn.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn prints(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -498,7 +498,7 @@ impl Frame<'_> {
     /// # Errors
     /// Returns an error if the frame has no such value, or if it can't be drawn.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
@@ -510,7 +510,7 @@ impl Frame<'_> {
     /// # Errors
     /// As for [`tap`](Self::tap).
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;

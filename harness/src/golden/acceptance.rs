@@ -230,7 +230,7 @@ impl Goldens {
     ///
     /// After an error, the golden is unchanged.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn accept(
         &self,
         pending: &Pending,

@@ -213,7 +213,7 @@ impl FrameTolerance {
     /// # Errors
     /// Returns an error if the images differ by more than the tolerance, or can't be compared.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn compare(
         &self,
         golden: &Image,

@@ -190,7 +190,7 @@ impl Goldens {
 
     /// All pending frames in the folder and the folders below it.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let mut found = PendingFrames::default();
@@ -210,7 +210,7 @@ impl Goldens {
     /// # Errors
     /// Returns an error if no pending frame or unusable file has this name.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
         self.select_by(name, |_| false)
     }
@@ -220,7 +220,7 @@ impl Goldens {
     /// # Errors
     /// Returns an error if no pending frame or unusable file has a selected name.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn select_by(
         &self,
         pattern: &str,
@@ -245,7 +245,7 @@ impl Goldens {
     /// The name of a pending frame according to the file's path in this folder. The file's metadata may contradict this
     /// name.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn name_of(&self, path: &Path) -> String {
         let path = path.strip_prefix(self.folder()).unwrap_or(path);
@@ -258,7 +258,7 @@ impl Goldens {
     /// # Errors
     /// Returns an error if the file can't be deleted.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn reject(&self, pending: &Pending) -> Result<(), AcceptError> {
         self.tidy();
         self.remove(pending)

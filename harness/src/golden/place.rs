@@ -47,7 +47,7 @@ impl Goldens {
     /// assert_eq!(goldens.cargo_package(), env!("CARGO_PKG_NAME"));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn cargo_package(&self) -> String {
         let Some(folder) = resolved(&self.folder()) else { return String::new() };
@@ -71,7 +71,7 @@ impl Goldens {
     /// assert!(goldens.project().is_some_and(|project| goldens.folder().starts_with(project)));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn project(&self) -> Option<PathBuf> {
         root(&resolved(&self.folder())?).map(Path::to_path_buf)
@@ -109,7 +109,7 @@ impl Goldens {
     /// karat::Goldens::open("golden".as_ref()).tidy();
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn tidy(&self) {
         tidy(&self.folder());
     }

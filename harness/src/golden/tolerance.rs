@@ -68,7 +68,7 @@ impl FrameTolerance {
     /// # let _ = tolerance;
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn metric(metric: impl Metric + 'static, bound: f64) -> Self {
         Self::Metric(Arc::new(metric), bound)

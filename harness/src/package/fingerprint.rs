@@ -36,7 +36,7 @@ impl Package {
     /// assert_eq!(half, of("fn half(x: f32) -> f32 { return 0.5 * x; } fn other() {}"));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn fingerprints(&self, functions: &BTreeSet<String>) -> BTreeMap<String, String> {
         let mut modules: BTreeMap<&str, Vec<String>> = BTreeMap::new();

@@ -24,7 +24,7 @@ impl Package {
     /// # Errors
     /// Returns an error if a module can't be read or parsed.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn functions(&self) -> Result<Vec<FunctionItem>, PackageError> {
         let modules = self.modules()?;
         let functions = modules.iter().map(|module| self.functions_in(module));
@@ -44,7 +44,7 @@ impl Package {
     /// # Errors
     /// Returns an error if the module can't be read or parsed.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn functions_in(&self, module: &str) -> Result<Vec<FunctionItem>, PackageError> {
         Ok(functions_of(module, &*self.parsed(module)?))
     }
@@ -62,7 +62,7 @@ impl Package {
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn tests_left_out(&self, modules: &[String]) -> Vec<LeftOut> {
         let mut all = Vec::new();

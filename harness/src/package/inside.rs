@@ -17,7 +17,7 @@ pub struct Moved;
 impl Package {
     /// This method moved to the crate `karat-inspect`.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[deprecated(
         note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::hazards(&package)`"
     )]
@@ -28,7 +28,7 @@ impl Package {
 
     /// This method moved to the crate `karat-inspect`.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[deprecated(
         note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::matrix(&package)`"
     )]

@@ -394,7 +394,7 @@ impl Package {
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn places(&self) -> Vec<PathBuf> {
         let Ok(library) = Library::open(self) else { return vec![self.root()] };

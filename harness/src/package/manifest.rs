@@ -154,7 +154,7 @@ impl Package {
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn is_printed(&self) -> bool {
         Manifest::of(self).is_ok_and(|manifest| !manifest.preprocess.is_empty())

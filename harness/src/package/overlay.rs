@@ -168,7 +168,7 @@ impl Package {
     /// # Ok::<(), karat::package::PackageError>(())
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn unsaved(&self, file: &Path, text: &str) -> Self {
         let mut own = self.clone();

@@ -188,7 +188,7 @@ impl Path {
     /// assert_eq!(Path::GL.api(), Api::Gl);
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub const fn api(self) -> Api {
         self.api
@@ -203,7 +203,7 @@ impl Path {
     /// assert_eq!(Path::VULKAN.via(), Via::Direct);
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub const fn via(self) -> Via {
         self.via
@@ -218,7 +218,7 @@ impl Path {
     /// # Ok::<(), karat::path::PathError>(())
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub const fn driver(self) -> Option<&'static str> {
         self.driver
@@ -232,7 +232,7 @@ impl Path {
     /// assert!(Path::GL.is_supported() || cfg!(target_os = "macos"));
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn is_supported(self) -> bool {
         super::device::exists(self)

@@ -58,7 +58,7 @@ impl Selector {
     /// assert!(known.is_known() && !unknown.is_known());
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.parts.is_some()

@@ -45,7 +45,7 @@ impl Image {
     /// # Errors
     /// The same errors as for [`read`](Self::read).
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn read_stored(path: &Path) -> Result<Self, ImageError> {
         Self::read_as(path, Samples::Data)
     }

@@ -129,7 +129,7 @@ impl Flip {
     /// Returns an error if FLIP can't compute the errors, or if alpha or a negative value differs: FLIP ignores alpha
     /// and negative values.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.errors)
     }
@@ -154,7 +154,7 @@ impl Flip {
     /// # Errors
     /// The same errors as for [`map`](Self::map).
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn exposures(&self, pair: &Pair<'_>) -> Result<ExposureMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.exposures)
     }
@@ -207,7 +207,7 @@ impl Flip {
     /// # Errors
     /// Returns an error if FLIP can't compute the errors.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let whole = Rect::new(0, 0, pair.golden().width(), pair.golden().height());
         let found = self.part(pair, whole, pair.exposures())?;

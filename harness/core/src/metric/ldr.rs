@@ -30,7 +30,7 @@ impl Flip {
     /// # Errors
     /// Returns an error if FLIP can't compute the errors.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         let failed = |error: FlipError| FlipFailure::Parameters(error.to_string());
         let Some(bounds) = bounds(pair) else {

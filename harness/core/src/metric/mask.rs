@@ -141,7 +141,7 @@ impl Mask {
     /// # let _ = left;
     /// ```
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     #[must_use]
     pub fn image(image: Image) -> Self {
         Self(Kind::Image(image))
@@ -210,7 +210,7 @@ impl Mask {
     /// # Errors
     /// Returns an error if the mask can't be used for a frame of this size, or if the mask excludes all pixels.
     ///
-    /// *Unstable*: this item may change in any release. It is meant for programs that run or report tests.
+    /// *Unstable*: this item may change in any release. It is for programs that run tests or report their results.
     pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {
         let value = |compared: bool| if compared { 1.0 } else { 0.0 };
         let flags = self.flags(width, height)?.into_iter().map(value);
