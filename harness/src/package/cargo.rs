@@ -28,8 +28,8 @@ const DEEPEST: usize = 16;
 /// The name of the temporary project for which cargo resolves the version of a crate.
 const ASKING: &str = "shaders-of-a-version";
 
-/// The largest number of times that Karat asks cargo for a crate's dependency graph. If shaders import from a crate that
-/// is missing in this graph, Karat adds the missing crate to the temporary project, and then asks cargo again. If
+/// The largest number of times that Karat asks cargo for a crate's dependency graph. If shaders import from a crate
+/// that is missing in this graph, Karat adds the missing crate to the temporary project, and then asks cargo again. If
 /// shaders of the crate's examples import from other crates, Karat asks once more.
 const ROUNDS: usize = 4;
 

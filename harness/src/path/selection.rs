@@ -6,7 +6,8 @@ use crate::settings::{self, Settings};
 /// Checks that a selector's text is the name of a path, or a part of a name.
 ///
 /// # Errors
-/// Returns an error if the text is neither the name of a path nor a part of a name. The message has the reason and a suggestion.
+/// Returns an error if the text is neither the name of a path nor a part of a name. The message has the reason and a
+/// suggestion.
 pub fn expect_sound(selector: &Selector) -> Result<(), PathError> {
     selector.expect_sound()
 }
