@@ -2,9 +2,9 @@
 //!
 //! A package is one of these: a folder of `.wgsl` and `.wesl` files, a single file, or text in memory. Modules import
 //! from each other (`import package::math::PI;`) and from other packages, on which their package depends. The linker
-//! copies the declarations that a test needs into one WGSL text, byte for byte. The linker changes only names. So each
-//! position in the linked text has a line and a column in an author's file. [`Package::is_valid`] also validates
-//! modules that no test needs.
+//! copies the declarations that a test needs into one WGSL text. The linker changes little, such as names, and records
+//! each change. So each position in the linked text has a line and a column in an author's file.
+//! [`Package::is_valid`] also validates modules that no test needs.
 
 pub(crate) mod accepted;
 pub(crate) mod asserts;
