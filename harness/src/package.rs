@@ -1,10 +1,10 @@
 //! A set of WGSL or WESL modules, read at run time: editing a shader never rebuilds Rust.
 //!
-//! A package is a folder in which each file is a module, or a single file, or text in memory. Modules import from each
-//! other (`import package::math::PI;`) and from other packages, on which their package depends. The linker copies the
-//! declarations that a test needs into one WGSL text, byte for byte. The linker changes only names. So each position in
-//! this text has a line and a column in the author's file. [`Package::is_valid`] also validates modules that no test
-//! needs.
+//! A package is one of these: a folder of `.wgsl` and `.wesl` files, a single file, or text in memory. Modules import
+//! from each other (`import package::math::PI;`) and from other packages, on which their package depends. The linker
+//! copies the declarations that a test needs into one WGSL text. The linker changes little, such as names, and records
+//! each change. So each position in the linked text has a line and a column in an author's file.
+//! [`Package::is_valid`] also validates modules that no test needs.
 
 pub(crate) mod accepted;
 pub(crate) mod asserts;
@@ -340,9 +340,9 @@ impl Package {
     }
 
     /// Sets a feature for conditions such as `@if(name)` or `#ifdef name`: on, off, or a number. A feature with a
-    /// number is on and has a value. Features that aren't set are off. The packages from which this package
-    /// imports get the feature, too. If no condition in any of these packages uses the name, the check fails with
-    /// an error.
+    /// number is on and has a value. Features that aren't set are off. The feature is also set in the packages from
+    /// which this package imports. If no condition in any of these packages uses the name, the check fails with an
+    /// error.
     ///
     /// ```
     /// use karat::prelude::*;

@@ -17,8 +17,9 @@ pub(crate) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync
     slots.into_iter().map(|slot| slot.into_inner().expect("each task has run")).collect()
 }
 
-/// Runs tasks on this thread, and on one helper thread for each other core. If this thread only waited for one helper
-/// thread on each core, the system would often run two helper threads on one core, and leave another core idle.
+/// Runs tasks on this thread, and on one helper thread for each other core. If there were one helper thread for each
+/// core, and this thread only waited, the system would often run two helper threads on one core, and leave another core
+/// idle.
 fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {

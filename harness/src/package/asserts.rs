@@ -1,9 +1,9 @@
 //! Assertions and prints in a shader: `//karat: assert x >= 0.0` and `//karat: print x`, each on a line of its own.
 //!
-//! To the program that loads the shader, these lines are comments. Karat replaces each such comment with a variable
-//! and a `let`. So the shader computes the expression only when its control flow reaches the line. The number of lines
-//! stays the same. Karat maps positions in the new text back to the author's text. In WESL, an author may also write
-//! `@if(karat) assert(x >= 0.0);`.
+//! To the program that loads the shader, an assertion or a print is only a comment. Karat replaces each such comment
+//! with a variable and a `let`. The shader computes an asserted or printed expression only when control flow reaches
+//! the expression's line. The number of lines stays the same. Karat maps positions in the new text back to the author's
+//! text. In WESL, an author may also write `@if(karat) assert(x >= 0.0);`.
 
 use super::PackageError;
 use crate::diagnostic::{SourceFile, Span, Value, nearest};
@@ -12,8 +12,8 @@ use crate::diagnostic::{SourceFile, Span, Value, nearest};
 pub(crate) const ASSERTED: &str = "karat_assert_";
 pub(crate) const PRINTED: &str = "karat_print_";
 
-/// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The variable
-/// stores the expression's value, even if the expression is only a name such as `x`, and the `let` loads this value.
+/// The prefix of the generated variables' names. For line 12, the name is `karat_value_12`. The variable stores the
+/// expression's value, and the `let` loads it: `var karat_value_12 = x; let karat_print_12 = karat_value_12;`.
 pub(crate) const HOLDER: &str = "karat_value_";
 
 /// The first text in a comment with an assertion or a print.
@@ -287,7 +287,8 @@ mod tests {
         }
     }
 
-    /// Positions refer to the author's text, even if Karat replaces a print comment by code, and `N` by a value.
+    /// Positions refer to the author's text, even after Karat replaces a print comment by code, and the name `N` by its
+    /// value in `[values]`.
     #[test]
     fn places_beside_a_print_comment_are_those_of_the_source() {
         let written = "N;\n//karat: print N + x\nN N\n";

@@ -22,15 +22,15 @@ use metadata::Metadata;
 /// The version of the data that Karat stores. Increase the version if the form or the meaning of the data changes.
 const SCHEMA: u32 = 3;
 
-/// The deepest level of nested folders in which Karat searches for shaders. Real crates nest less deeply.
+/// The deepest level of nested folders in which Karat searches for shaders. In real crates, folders nest less deeply.
 const DEEPEST: usize = 16;
 
 /// The name of the temporary project for which cargo resolves the version of a crate.
 const ASKING: &str = "shaders-of-a-version";
 
-/// The largest number of times that Karat asks cargo for a crate's dependency graph. Shaders may import from crates on
-/// which no crate depends. Karat adds these crates to the temporary project, and then asks cargo again. If shaders of
-/// the crate's examples import from other crates, Karat asks once more.
+/// The largest number of times that Karat asks cargo for a crate's dependency graph. If shaders import from a crate
+/// that is missing in this graph, Karat adds the missing crate to the temporary project, and then asks cargo again. If
+/// shaders of the crate's examples import from other crates, Karat asks once more.
 const ROUNDS: usize = 4;
 
 #[derive(Debug, Deserialize, Serialize)]
@@ -62,7 +62,7 @@ pub(super) struct Crate {
 pub(super) struct Found {
     graph: Arc<Graph>,
     index: usize,
-    /// Module folders that replace the `root` of a crate, by the crate's index in the graph.
+    /// Folders that Karat uses instead of crates' `root`s. Each key is a crate's index in the graph.
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 

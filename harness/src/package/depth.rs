@@ -9,8 +9,8 @@ use super::lexer::{Kind, lex};
 /// and branches, and would overflow their stack.
 const MOST_NESTED: usize = 6_000;
 
-/// The first range of a text that nests deeper than [`MOST_NESTED`]. Commas and semicolons end an expression, so
-/// a long list isn't deep.
+/// The first token at which a text exceeds the limit [`MOST_NESTED`]. Commas and semicolons end an expression, so a
+/// long list isn't deep.
 pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
     // For each open bracket, the numbers of tokens since the last separator, and of `else if` branches in a row.
     let mut levels = vec![(0_usize, 0_usize)];

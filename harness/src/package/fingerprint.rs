@@ -110,8 +110,8 @@ struct Whole {
 struct Last {
     package: Package,
     there: Vec<String>,
-    /// The packages from which modules of the package import, directly or through others, in the order of their
-    /// indices in the library.
+    /// The packages from which modules of the package import, directly or through others, in the order of their indices
+    /// in [`Library`].
     packages: Vec<(Package, String)>,
     known: Known,
 }
@@ -142,8 +142,8 @@ impl<'a> Described<'a> {
         Self { package, library, linker: None, known: known.unwrap_or_default() }
     }
 
-    /// Stores the known hashes for the next computation of fingerprints. Stores nothing if the package imports from
-    /// packages in files, because those files may change.
+    /// Stores the known hashes for the next computation of fingerprints. Stores nothing if the package imports from a
+    /// package that isn't text in memory, because the files of that package may change.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());
@@ -204,8 +204,8 @@ impl<'a> Described<'a> {
         self.known.fingerprints(self.package, items, linker)
     }
 
-    /// A library for a module that can't use the shared library, because the module has a `#define` for all modules,
-    /// or includes other modules.
+    /// A separate [`Library`] for a module with a `#define`, which applies to all modules, or with included modules.
+    /// Returns `None` for any other module, because such modules share one [`Library`].
     fn own_library(&self, root: &ModulePath) -> Result<Option<Library>, PackageError> {
         let file = self.library.read(root)?;
         let defines = !directives::defined(&file.text).is_empty()
@@ -220,8 +220,8 @@ impl<'a> Described<'a> {
 }
 
 impl Known {
-    /// Forgets the descriptions of changed modules. Returns `false` if a changed module declares or imports other names
-    /// than before. After such a change, names in other modules may refer to other declarations.
+    /// Removes the hashes of the declarations in changed modules. Returns `false` if a changed module declares or
+    /// imports other names than before. After such a change, names in other modules may refer to other declarations.
     fn is_updated(&mut self, library: &Library) -> bool {
         let mut changed = BTreeSet::new();
         for (path, known) in &self.modules {

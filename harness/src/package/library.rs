@@ -109,7 +109,7 @@ impl Library {
         Ok(file)
     }
 
-    /// The linked package, and the packages from which Karat has followed an import so far. `None` if one of these
+    /// The linked package, and the packages that Karat has reached through imports so far. `None` if one of these
     /// imported packages isn't text in memory.
     pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
         let packages = self.packages.borrow();
@@ -383,8 +383,8 @@ impl Library {
 }
 
 impl Package {
-    /// The folders and files of this package and of all packages from which its modules can import. The list
-    /// contains no crates, because their files don't change, and no text in memory.
+    /// The folders and files of this package and of all packages from which its modules can import. The list leaves out
+    /// text in memory. The list also leaves out crates, because their files don't change.
     ///
     /// ```
     /// use karat::Package;

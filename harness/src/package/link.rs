@@ -20,7 +20,7 @@ use crate::diagnostic::{SourceFile, nearest};
 impl Package {
     /// Makes one new package from each of the `texts`. The new package's only module has the name `module`. The new
     /// package imports this package as `name`, and has the features in `set`. Each new module begins with the
-    /// `#define`s of this package's module with the same name, whose text is `text`.
+    /// `#define`s in `text`, which is the text of this package's own module `module`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,

@@ -156,7 +156,8 @@ impl Linked {
         Some(self.spliced.resolve(place).unwrap_or_else(none))
     }
 
-    /// The name that the linked text has for a declaration, such as `fresnel::schlick` in the author's code.
+    /// The name of a declaration in the linked text. `path` is the declaration's path in the author's code:
+    /// `fresnel::schlick`.
     pub(crate) fn name_of(&self, path: &str) -> Option<&str> {
         self.names.iter().find(|(_, known)| *known == path).map(|(name, _)| name.as_str())
     }

@@ -69,7 +69,7 @@ pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Modul
     Ok(module)
 }
 
-/// Checks if the linker has nothing to change in the text, so that Karat can copy even a text that isn't well formed.
+/// Checks if the linker has nothing to change in the text. Karat copies such a text even if it isn't well formed.
 pub(super) fn asks_for_nothing(text: &str) -> bool {
     let tokens = lex(text);
     if directives::concern(text, &tokens) {

@@ -15,8 +15,8 @@ pub(super) struct Contents {
     /// The real paths of the folders that Karat has entered. Karat enters a folder once, even if several links lead to
     /// it.
     entered: BTreeSet<PathBuf>,
-    /// Symbolic links to folders, each with the path of the modules in the folder. If a folder can also be reached
-    /// without links, Karat uses the path without links.
+    /// Symbolic links to folders, each with the folder's path in imports, such as `math::noise`. If a folder can also
+    /// be reached without links, Karat uses the path without links.
     links: Vec<(PathBuf, String)>,
 }
 

@@ -75,7 +75,7 @@ impl Spliced {
         self.text.push_str(text);
     }
 
-    /// The copied ranges: each with its range in the text, and its location in the file.
+    /// For each copied piece of a file, its range in the linked text, and its location in the file.
     pub(crate) fn stretches(&self) -> Vec<(Range<usize>, Span)> {
         let of = |piece: &Piece| {
             let span = Span { file: Arc::clone(&piece.file), range: piece.from.clone() };

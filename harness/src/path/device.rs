@@ -200,8 +200,8 @@ impl Device {
     }
 
     /// Waits until this thread may call the driver (its turn), if the driver serves one thread at a time. wgpu panics
-    /// if a thread waits six seconds for GL's context. On a busy machine, a thread can wait so
-    /// long while another thread compiles.
+    /// if a thread waits six seconds for GL's context. On a busy machine, another thread's compilation can take that
+    /// long.
     ///
     /// Take a turn for every call of the driver, including the release of resources. Release the turn before you
     /// wait for other threads. Take the turn before a deadline begins, so that the time limit doesn't include the

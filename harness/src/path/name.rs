@@ -102,8 +102,7 @@ impl Via {
         Self::Ftz,
     ];
 
-    /// Checks if this value is an arithmetic (`fma` or `ftz`) instead of a language. Only the path `cpu` has
-    /// arithmetics.
+    /// Checks if this value is an arithmetic of the path `cpu` (`fma` or `ftz`) instead of a language.
     pub(crate) const fn is_arithmetic(self) -> bool {
         matches!(self, Self::Fma | Self::Ftz)
     }

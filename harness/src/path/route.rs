@@ -88,8 +88,8 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     })))
 }
 
-/// On the routes `wgsl` and `spirv`, writes the shader with naga in this language, and reads the result with naga. On
-/// other routes, returns the IR unchanged.
+/// On the route `wgsl` or `spirv`, translates the IR to WGSL or SPIR-V with naga, and reads the translation with naga.
+/// On other routes, returns the IR unchanged.
 pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
     let target = match path.via() {
         Via::Wgsl => Target::Wgsl,

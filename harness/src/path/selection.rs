@@ -6,7 +6,8 @@ use crate::settings::{self, Settings};
 /// Checks that a selector's text is the name of a path, or a part of a name.
 ///
 /// # Errors
-/// Returns an error if the text isn't such a name. The message has the reason and a suggestion.
+/// Returns an error if the text is neither the name of a path nor a part of a name. The message has the reason and a
+/// suggestion.
 pub fn expect_sound(selector: &Selector) -> Result<(), PathError> {
     selector.expect_sound()
 }
@@ -261,8 +262,8 @@ mod tests {
         assert!(select(Some(foreign), None).is_err(), "a path listed by name must open");
     }
 
-    /// A path with a driver's name uses an adapter of that family, even if its API has other adapters. If the route or
-    /// driver is missing, Karat returns an error instead of using another path.
+    /// A path such as `vulkan@llvmpipe` uses an adapter of the driver family `llvmpipe`, even if the API has other
+    /// adapters. If the machine lacks the route or the driver in the path's name, opening the path returns an error.
     #[test]
     fn a_path_opens_only_the_driver_that_it_names() {
         let here = Path::ALL.into_iter().filter_map(|path| open(path).ok());

@@ -77,7 +77,7 @@ impl Selector {
         self.fits(path, adapter).is_some()
     }
 
-    /// The number of parts that match a path. Returns `None` if a part doesn't match.
+    /// The number of parts (API, route, driver) in this selector, if all these parts match the path; `None` otherwise.
     fn fits(&self, path: Path, adapter: &Adapter) -> Option<usize> {
         let Parts { api, via, driver } = self.parts?;
         let family = || adapter.family();

@@ -80,9 +80,9 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
     }
 }
 
-/// For each feature, the values with which the text compares the feature. For `A >= 3`, these are 3 and its
-/// neighbours 4 and 2, because neighbours may select other branches. For a feature that code uses as a number,
-/// such as `#{A}`, the list has two usual values, 4 and 3.
+/// Some values to try for each feature that a text compares with a value, or uses as a number. For the condition
+/// `A >= 3`, these are 3 and its neighbours 4 and 2, because neighbours may select other branches. For a feature that
+/// code uses as a number, such as `#{A}`, the list has two usual values, 4 and 3.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     // Three isn't a power of two, so shifting by 3 and dividing by 3 give different results.
     const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];

@@ -15,10 +15,10 @@ use crate::package::{Origin, Package, PackageError, directives};
 type Composed = Vec<(String, Vec<String>)>;
 
 impl Library {
-    /// Finds the module whose declared path is the longest beginning of `words`. Returns the module, and the number
-    /// of words in this path. If a package has several modules with this path, the function chooses the module in
-    /// the nearest folder. Among several modules in that folder, the function chooses the module that declares the
-    /// first word after the path: `PI` in `math::PI`.
+    /// Finds the module whose declared path is the longest prefix of `words`. Returns the module, and the number of
+    /// words in this path. If a package has several modules with this path, the function chooses the module in the
+    /// nearest folder. Among several modules in that folder, the function chooses the module that declares the first
+    /// word after the path: `PI` in `math::PI`.
     pub(in crate::package) fn composed(
         &self,
         from: &ModulePath,
