@@ -17,8 +17,8 @@ pub enum LayoutError {
     Count {
         /// The number of supplied scalars.
         supplied: usize,
-        /// The number of scalars that the variable needs. This is only a lower bound if the fixture has too few scalars,
-        /// because Karat stops at the first missing scalar.
+        /// The number of scalars that the variable needs. This is only a lower bound if the fixture has too few
+        /// scalars, because Karat stops at the first missing scalar.
         expected: usize,
     },
     /// No buffer fixture can supply the type.
