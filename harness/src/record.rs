@@ -135,8 +135,8 @@ pub enum Subject {
         assertion: String,
         /// `file:line:column` of the function; empty if Karat didn't find it.
         location: String,
-        /// The domains of the arguments as text, such as `x from 0 to 1`; empty if Karat has no such text, as for a
-        /// domain that is a Rust function.
+        /// The domains of the arguments as text, such as `x from 0 to 1`; empty if a test in Rust chose
+        /// the domains, or if the check has no domains.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         domain: String,
         /// Seed of the cases.
