@@ -101,8 +101,8 @@ impl Probed {
     }
 
     /// Prepares a function for a test, as [`with_overrides`](Self::with_overrides) does. The function's whole module
-    /// must be valid, because an application compiles the whole module. The modules of a crate needn't be valid,
-    /// because many of them need features that the test didn't set.
+    /// must be valid, because an application compiles the whole module. Karat doesn't check this for the modules of a
+    /// crate, because many of them need features that the test didn't set.
     ///
     /// # Errors
     /// Returns the errors of [`with_overrides`](Self::with_overrides), and an error if the module isn't valid.
@@ -141,7 +141,7 @@ impl Probed {
         Ok(Self { kernel, ..self })
     }
 
-    /// Sets the length of each resource that the function writes to the length of the resource's fixture.
+    /// Gives each resource that the function writes the same length as its fixture.
     ///
     /// # Errors
     /// Returns an error if the fixtures don't match the variables.

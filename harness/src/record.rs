@@ -135,8 +135,8 @@ pub enum Subject {
         assertion: String,
         /// `file:line:column` of the function; empty if Karat didn't find it.
         location: String,
-        /// The domains of the arguments as text, such as `x from 0 to 1`; empty for a domain in Rust
-        /// code.
+        /// The domains of the arguments as text, such as `x from 0 to 1`; empty if a test in Rust chose
+        /// the domains, or if the check has no domains.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         domain: String,
         /// Seed of the cases.
@@ -227,7 +227,7 @@ pub struct Allowance {
     /// The largest error that WGSL allows, divided by the tolerance. `None` if the quotient isn't finite: either WGSL
     /// allows any result, or WGSL allows an error and the tolerance is 0.
     pub worst: Option<f64>,
-    /// Number of cases in which WGSL allows any result; 0 in records of older versions.
+    /// Number of cases in which WGSL allows any result; 0 if an older Karat wrote the record.
     #[serde(default)]
     pub unbounded: u64,
 }
@@ -483,7 +483,7 @@ const LEFT_OUT: &str = "left-out";
 /// If the run is recorded, writes the test's name into a list of tests whose frames Karat didn't draw.
 ///
 /// # Panics
-/// Panics if Karat can't write the file, as for [`write`].
+/// Panics if Karat can't write the file.
 pub(crate) fn leave_out(test: &str) {
     if let Some(folder) = crate::settings::record() {
         crate::image::append_line(&folder, LEFT_OUT, test);

@@ -140,7 +140,7 @@ impl Program {
         self.linked.sources.files()
     }
 
-    /// The features and the values of overrides of the program, as text: `SHADOWS, SAMPLES=4`.
+    /// The program's features, and the values of its overrides, as text: `SHADOWS, SAMPLES=4`.
     #[must_use]
     pub fn variant(&self) -> String {
         let overrides = self.overrides.iter().map(|(name, value)| format!("{name}={value}"));

@@ -30,9 +30,9 @@ pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!(
 pub(super) enum Runner {
     /// A command from KARAT_EXECUTORS.
     Given(Vec<String>),
-    /// Dawn for Node: the path of Node's program, and the folder of the npm package `webgpu`.
+    /// Dawn for Node: the path of the executable `node`, and the folder of the npm package `webgpu`.
     Dawn { node: PathBuf, package: PathBuf },
-    /// The path of Chromium's or Chrome's program.
+    /// The path of the executable of Chromium or Chrome.
     Chromium(PathBuf),
 }
 

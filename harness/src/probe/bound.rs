@@ -24,7 +24,7 @@ pub(super) enum Compiled {
 }
 
 impl Compiled {
-    /// The group and binding number in the pipeline, for the resource with this group and binding number in WGSL.
+    /// Converts a resource's group and binding number in WGSL to its group and binding number in the pipeline.
     fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match self {
             Self::Dispatched(pipeline) => pipeline.place(group, binding),

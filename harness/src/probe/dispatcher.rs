@@ -33,14 +33,15 @@ pub(super) struct Dispatcher<'d> {
     staging: wgpu::Buffer,
     /// The render target, if the kernel is a fragment function.
     target: Option<Target>,
-    /// `Some` if cases run separately: a buffer with the numbers that describe each case to the kernel, and the
-    /// resources that the function writes.
+    /// `Some` if cases run separately. The buffer contains the numbers that describe each case to the kernel. The list
+    /// has the resources that the function writes.
     alone: Option<(wgpu::Buffer, Vec<Kept>)>,
     capacity: usize,
     words_in: usize,
     evidence: Evidence,
     place: Span,
-    /// The thread's turn to call the driver (see [`Device::turn`]). The turn ends after the other fields are dropped.
+    /// The lock under which this thread calls the driver (see [`Device::turn`]). This is the last field, so the lock is
+    /// released after the other fields are dropped.
     last: Turn<'d>,
 }
 

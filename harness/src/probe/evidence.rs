@@ -16,8 +16,8 @@ pub(crate) const WORD: u32 = 0x7fc0_dead;
 /// The second poison, for running a kernel again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
 
-/// A new number that Karat hasn't used before, neither in this process nor in an earlier one. With this number, Karat
-/// recognises results that an earlier run left in a buffer.
+/// A number that Karat has never used before, in this process or in an earlier one. With this number, Karat recognises
+/// results that an earlier run left in a buffer.
 pub(crate) fn unheard_of() -> u64 {
     use std::hash::{BuildHasher, RandomState};
     use std::sync::LazyLock;

@@ -50,7 +50,7 @@ impl Memory {
     }
 }
 
-/// The size of a row of texels in a buffer in bytes, with its padding.
+/// The number of bytes that a row of texels takes in a buffer, including padding.
 fn row(texture: &wgpu::Texture, codec: Codec) -> u64 {
     let bytes = texture.width() * codec.size() as u32;
     u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
@@ -102,7 +102,7 @@ impl Kept {
         }
     }
 
-    /// Copies the contents after the run with the number `run` into the buffer `after`.
+    /// Copies the resource's contents into the buffer `after`, at the place for run number `run`.
     pub(crate) fn keep(&self, encoder: &mut wgpu::CommandEncoder, run: usize) {
         let offset = self.stride * run as u64;
         match &self.live {
@@ -121,7 +121,7 @@ impl Kept {
         }
     }
 
-    /// Copies the contents after the first `runs` runs from `after` into `staging`, which the host can read.
+    /// Copies the first `runs` copies in `after`, one for each run, into `staging`, which the host can read.
     pub(crate) fn stage(&self, encoder: &mut wgpu::CommandEncoder, runs: usize) {
         let size = self.stride * runs as u64;
         encoder.copy_buffer_to_buffer(&self.after, 0, &self.staging, 0, size);

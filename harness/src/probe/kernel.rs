@@ -318,8 +318,8 @@ impl Kernel {
         Ok(text)
     }
 
-    /// Writes one call of the function. `lane` returns the expression for a scalar of the arguments, by the scalar's
-    /// index.
+    /// Writes one call of the function. `lane` takes the type and the index of a scalar of the arguments, and returns
+    /// the expression for this scalar.
     fn call(
         &self,
         text: &mut String,

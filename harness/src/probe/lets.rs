@@ -26,8 +26,8 @@ pub struct Let {
     pub probed: Option<Probed>,
 }
 
-/// The largest number of bindings of a function that get a probe. To compare two paths, Karat
-/// compiles each probe for both paths.
+/// The largest number of bindings of a function that get a probe. There is a limit because Karat compiles each probe
+/// for each path that it compares.
 const MOST: usize = 48;
 
 /// The let-bindings of a function, in the order of the text.

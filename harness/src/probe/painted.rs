@@ -1,4 +1,4 @@
-//! Fills textures with draws: depth textures and multisampled textures. No other commands of WebGPU can fill such
+//! Draws into depth textures and multisampled textures to fill them. No other commands of WebGPU can fill such
 //! textures.
 
 use crate::path::{Device, PathError};

@@ -46,7 +46,7 @@ impl Program {
 
     /// Reports if an entry point reads the components x, y and z of `global_invocation_id` or `workgroup_id`. Each
     /// element is `true` if the entry point reads the component. An element is `None` if the answer is unknown: the
-    /// entry point uses a whole vector, such as `id[i]`, or there is no such entry point.
+    /// entry point reads an unknown component (`id[i]`) or the whole vector, or there is no such entry point.
     pub fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);

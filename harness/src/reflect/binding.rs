@@ -27,7 +27,7 @@ pub struct Binding {
 }
 
 impl Binding {
-    /// The group and the binding number of a variable that has no group and no binding.
+    /// The value of `group` and `binding` for a `var<immediate>`, which has neither `@group` nor `@binding`.
     pub const NOWHERE: u32 = u32::MAX;
 
     /// The variable's own name, without its module.

@@ -17,8 +17,8 @@ pub enum LayoutError {
     Count {
         /// The number of supplied scalars.
         supplied: usize,
-        /// If the fixture has too many scalars, the number of scalars in the variable's type. If the fixture has too
-        /// few scalars, 1 more than `supplied`.
+        /// The number of scalars that the variable needs. This is only a lower bound if the fixture has too few
+        /// scalars, because Karat stops at the first missing scalar.
         expected: usize,
     },
     /// No buffer fixture can supply the type.

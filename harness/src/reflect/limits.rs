@@ -190,7 +190,7 @@ impl Program {
     }
 
     /// The limits that apply to this variable in a stage, such as the largest number of uniform buffers. Each limit
-    /// comes with the number of resources that the variable counts as, which is usually 1.
+    /// comes with the amount that the variable adds to the total, which is usually 1.
     fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
         // WebGPU, "exceeds the binding slot limits": an external texture uses the slots of four textures, a
@@ -227,8 +227,8 @@ impl Program {
         limits.into_iter().map(|limit| (limit, 1)).collect()
     }
 
-    /// The size of a workgroup, with the overrides' initial values. A dimension counts as 1 if its override has no
-    /// initial value, or if it is a larger expression, such as `2 * SIZE`.
+    /// The size of a workgroup, with the overrides' initial values. A dimension counts as 1 if it is an override
+    /// without an initial value, or an expression with operators, such as `2 * SIZE`.
     pub(super) fn workgroup_size(&self, entry: &naga::EntryPoint) -> [u64; 3] {
         let module = &self.checked.module;
         let number = |expression: &Expression| match expression {
@@ -249,8 +249,8 @@ impl Program {
         size
     }
 
-    /// Counts an entry point's builtin inputs and builtin outputs as inter-stage variables (WebGPU, "validating
-    /// inter-stage interfaces").
+    /// The numbers of inter-stage variables that WebGPU counts for an entry point's builtin inputs and for its builtin
+    /// outputs ("validating inter-stage interfaces").
     fn builtins(&self, entry: &naga::EntryPoint) -> (u64, u64) {
         let module = &self.checked.module;
         let read = |(binding, _): &(Binding, Handle<Type>)| {

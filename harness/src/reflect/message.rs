@@ -125,7 +125,7 @@ const ATTRIBUTES: [&str; 22] = [
     "workgroup_size",
 ];
 
-/// The source text at an error's location; `None` unless the error's message starts with `words`.
+/// The source text at an error's location, if the error's message starts with `words`.
 fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
     // naga 30 shows the kind of an error only by these words.
     if !diagnostic.message.starts_with(words) {

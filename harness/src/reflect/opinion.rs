@@ -1,4 +1,4 @@
-//! Collects the verdicts on a package from other sources than naga: Tint, WebGPU's limits, and the rules of
+//! Collects the verdicts on a package from sources other than naga: Tint, WebGPU's limits, and the rules of
 //! applications that load the package's files.
 
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::output::counted;
 use crate::package::{Compilers, Package, PackageError, unknown_to_naga};
 use crate::tint::{Answer, Message, Missing, NoVerdict, Question, Reason, Severity, Tint};
 
-/// The verdicts from other sources than naga.
+/// The verdicts on a package from sources other than naga.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Opinion {

@@ -51,7 +51,7 @@ pub enum Texels {
 pub struct TextureKind {
     /// The coordinates.
     pub dimension: Dimension,
-    /// `true` if the texture also has a layer index.
+    /// `true` if the texture is an array of layers.
     pub arrayed: bool,
     /// The type of texels.
     pub texels: Texels,
@@ -174,7 +174,7 @@ pub enum BindingKind {
     StorageTexture {
         /// The coordinates.
         dimension: Dimension,
-        /// `true` if the texture also has a layer index.
+        /// `true` if the texture is an array of layers.
         arrayed: bool,
         /// The format of the texels.
         format: Format,

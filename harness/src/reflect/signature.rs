@@ -98,7 +98,7 @@ impl Passed {
 }
 
 impl Function {
-    /// Splits the `u32` words of all arguments. Returns the name of each parameter, and the parameter's value as text.
+    /// The name of each parameter, and its value as text. `words` has the `u32` words of all arguments.
     #[must_use]
     pub fn arguments(&self, mut words: &[u32]) -> Vec<(String, String)> {
         let mut arguments = Vec::new();

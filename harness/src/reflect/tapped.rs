@@ -55,8 +55,8 @@ pub(crate) enum When {
     Last,
     /// The value in this iteration. The first iteration is 1.
     Round(u32),
-    /// The value `false` of a condition, if the condition is `false` at least once. The counter counts only these
-    /// times.
+    /// For a condition: the value `false`, if the condition is ever `false`. The counter then counts only the times
+    /// when the condition is `false`.
     False,
 }
 
@@ -170,8 +170,8 @@ impl Program {
         }
     }
 
-    /// Fails if an assertion or a print has a side effect on the shader: it calls a function that writes, or has
-    /// an atomic operation.
+    /// Checks that no assertion or print in the shader has a side effect, such as a call of a function that writes,
+    /// or an atomic operation.
     ///
     /// # Errors
     /// Returns an error if there is such a side effect; the error has its location.
@@ -381,7 +381,7 @@ fn result_of(statement: &Statement) -> Option<Handle<Expression>> {
     }
 }
 
-/// The path to a scalar of a type, as indices, with the type of the scalar.
+/// The position of a scalar inside a value, as a path of indices, and the scalar's type.
 type Way = (Vec<u32>, Scalar);
 
 fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
@@ -701,7 +701,7 @@ fn tell(
 
 enum Rewritten {
     AsIs,
-    /// The original statement, which stands before this block.
+    /// Keeps the statement, and inserts this block after it.
     Before(Block),
     Instead(Block),
 }

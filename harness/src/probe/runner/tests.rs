@@ -61,8 +61,8 @@ fn one_unwritten_case_is_an_error() {
     }
 }
 
-/// The kernel writes the canary but not the results, as one driver did. First all cases lack a result, and then only
-/// one case.
+/// The kernel writes the canary but not the results, as one driver did. In the first kernel, all cases lack a
+/// result. In the second kernel, only one case does.
 // Lesson 69
 #[test]
 fn a_kernel_that_writes_only_its_canary_is_an_error() {
