@@ -460,8 +460,8 @@ impl Promise {
         Self { names }
     }
 
-    /// The file's public items that belong to the stable part. These include methods in the file if another file defines
-    /// their type.
+    /// The file's public items that belong to the stable part. These include methods in the file if another file
+    /// defines their type.
     fn items(&self, file: &Path, below: &Path) -> Vec<Item> {
         let room = below.iter().next().expect("it is in a room").to_string_lossy();
         let room = room.strip_suffix(".rs").unwrap_or(&room);

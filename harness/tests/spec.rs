@@ -494,8 +494,8 @@ impl Executor for Here {
     }
 }
 
-/// Expressions for which a Mesa driver returns results outside WGSL's bound. Each entry has the path, the expression and
-/// the reason. The test fails if the driver returns a result within the bound.
+/// Expressions for which a Mesa driver returns results outside WGSL's bound. Each entry has the path, the expression
+/// and the reason. The test fails if the driver returns a result within the bound.
 const BEYOND: [(&str, &str, &str); 1] = [(
     "gl",
     "dot(vec2f(p1.x, p1.y), vec2f(p1.y, p1.x))",

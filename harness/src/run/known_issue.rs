@@ -381,8 +381,8 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Blames the shader's text if one of the failures blames the text. Otherwise blames the setting or the entry point that
-/// the first such failure blames.
+/// Blames the shader's text if one of the failures blames the text. Otherwise blames the setting or the entry point
+/// that the first such failure blames.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);

@@ -55,8 +55,8 @@ pub(crate) struct Declared {
     /// The variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
-    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. The keys of a resource
-    /// have their own table.
+    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. The keys of a
+    /// resource have their own table.
     #[serde(default)]
     after: BTreeMap<String, Expected>,
     /// Asserts that no operation in the passes has a hazard: `true`, or a list of kinds.
