@@ -32,7 +32,7 @@ pub struct PathFailures<E> {
     pub failures: Vec<E>,
     /// The paths that returned no values, each with the reason.
     pub stopped: Vec<(Adapter, E)>,
-    /// The paths on which the check passes, each once.
+    /// The paths on which the check passes.
     pub agreeing: Vec<Adapter>,
 }
 
