@@ -2,7 +2,7 @@
 //!
 //! naga and Tint are two implementations of WGSL. Each rejects programs that the other accepts, so a shader for the web
 //! needs both verdicts. This module finds Tint on the machine ([`Tint::beside`]), and asks Tint about texts. The module
-//! `reflect` decides the meaning of a verdict for a package.
+//! `reflect` decides if Tint's rejection of a module is an error.
 //!
 //! Three programs contain Tint: the npm package `webgpu` (Dawn for Node), the program `tint`, and Chromium. For Dawn
 //! and for Chromium, Karat keeps one process running, which answers line by line.
@@ -40,7 +40,7 @@ const REMEDY: &str = "run `npm install --save-dev webgpu` in the project (with N
 /// The Tint on this machine.
 pub struct Tint {
     kind: Kind,
-    /// The process that keeps running. It is `None` before the first question, and after the process ended.
+    /// The running process that contains Tint. It is `None` before the first question, and after the process ended.
     resident: Mutex<Option<Resident>>,
 }
 

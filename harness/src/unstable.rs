@@ -1,5 +1,5 @@
-//! Modules for programs around tests, such as Karat's own command line. Any release may change the names and meanings
-//! of these modules, so use the other modules of the library in tests.
+//! Modules for programs that run or report tests, such as Karat's own command line. Any release may change the names
+//! and meanings of these modules, so use the other modules of the library in tests.
 //!
 //! ```
 //! use karat::unstable::record::Verdict;

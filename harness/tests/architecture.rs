@@ -301,8 +301,7 @@ fn the_library_has_few_dependencies_and_root_names() {
     }
 }
 
-/// The number of items that a `use` imports, except for modules and macros. The names of these begin with a small
-/// letter.
+/// The number of items that a `use` imports, except for modules and macros: their names begin with a small letter.
 fn leaves(tree: &syn::UseTree) -> usize {
     match tree {
         syn::UseTree::Path(path) => leaves(&path.tree),
@@ -461,8 +460,8 @@ impl Promise {
         Self { names }
     }
 
-    /// The file's public items that belong to the stable part, including methods of stable types that other files
-    /// define.
+    /// The file's public items that belong to the stable part. These include methods in the file if another file
+    /// defines their type.
     fn items(&self, file: &Path, below: &Path) -> Vec<Item> {
         let room = below.iter().next().expect("it is in a room").to_string_lossy();
         let room = room.strip_suffix(".rs").unwrap_or(&room);

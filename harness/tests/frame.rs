@@ -91,8 +91,8 @@ fn attributes_reach_the_vertex_function() {
     }
 }
 
-/// The columns of the texture have the values 0, 1, 2 and 3. So the next mip level has the values 1/2 and 5/2, and the
-/// last level has the value 3/2.
+/// Each mip level contains the means of the previous level. The columns of the texture have the values 0, 1, 2 and 3,
+/// so the next mip level has the values 1/2 and 5/2, and the last level has the value 3/2.
 #[test]
 fn levels_are_means() {
     for image in drawn("levels", true) {

@@ -200,8 +200,8 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
     assert!(check(pow, |x| x.powi(5), Spec.into()).is_err(), "0 is a case");
 }
 
-/// If a result is outside the bounds of `DeviceSpec`, the message says that the driver is less accurate than Karat
-/// measured.
+/// If a result is outside the bounds of `DeviceSpec`, the message says that the driver is less exact for this function
+/// than in Karat's measurement.
 // Lesson 92
 #[test]
 fn results_below_the_measured_accuracy_are_reported() {
@@ -494,8 +494,8 @@ impl Executor for Here {
     }
 }
 
-/// A path, an expression for which Mesa's driver returns a result outside WGSL's bound on this path, and the reason.
-/// The test fails if the driver returns a result within the bound.
+/// Expressions for which a Mesa driver returns results outside WGSL's bound. Each entry has the path, the expression
+/// and the reason. The test fails if the driver returns a result within the bound.
 const BEYOND: [(&str, &str, &str); 1] = [(
     "gl",
     "dot(vec2f(p1.x, p1.y), vec2f(p1.y, p1.x))",

@@ -189,7 +189,7 @@ pub(super) fn write_words(words: &[u32]) -> String {
     words.join(",")
 }
 
-/// Writes the steps of a simplification as text, for environment variables and files: `3.0`.
+/// Writes the steps of a simplification as text, for environment variables and files: `[3, 0]` becomes `3.0`.
 pub(super) fn write_steps(steps: &[usize]) -> String {
     let steps: Vec<String> = steps.iter().map(ToString::to_string).collect();
     steps.join(".")

@@ -32,7 +32,7 @@ pub struct PathFailures<E> {
     pub failures: Vec<E>,
     /// The paths that returned no values, each with the reason.
     pub stopped: Vec<(Adapter, E)>,
-    /// The paths on which the check passes, unless a failure already lists these paths.
+    /// The paths on which the check passes.
     pub agreeing: Vec<Adapter>,
 }
 
@@ -76,7 +76,7 @@ impl<E: Display> Display for PathFailures<E> {
     }
 }
 
-/// The error in a declaration, such as `fails_on` or `refused_on`.
+/// An error in a test's `fails_on`, `refused_on` or `tolerance_on`.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum WrongDeclaration {
     /// A path passes, although it is declared to fail.
@@ -381,8 +381,8 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Blames the shader's text if one of the failures blames the text. Otherwise takes the blame of the
-/// first failure that blames a setting or an entry point.
+/// Blames the shader's text if one of the failures blames the text. Otherwise blames the setting or the entry point
+/// that the first such failure blames.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);
@@ -599,7 +599,7 @@ mod tests {
         }
     }
 
-    /// A check may judge the same path several times. Each result counts.
+    /// If a check judges the same path several times, each result counts.
     #[test]
     fn several_results_of_one_path_all_count() {
         let stops = |path: &str| Conclusion::<(), Error> {

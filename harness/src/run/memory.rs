@@ -33,11 +33,11 @@ pub(crate) struct Entry {
     pub(crate) check: String,
     /// The first path on which the input failed. Karat tries the input on every path.
     pub(crate) path: String,
-    /// The words of the arguments. Empty for a check of an integral: Karat makes its cases again from their origin.
+    /// The words of the arguments. Empty for a check of an integral: Karat makes the check's case again from `descent`.
     pub(crate) words: Vec<u32>,
-    /// The origin of the input. Some domains, such as mapped domains, can't tell if they contain a value. For such a
-    /// domain, Karat makes the input again from its origin. If the new input differs from the stored input, Karat
-    /// ignores the stored input.
+    /// The seed, the case and the steps from which Karat made the input. Some domains, such as mapped
+    /// domains, can't tell if they contain a value. For such a domain, Karat makes the input again from its origin. If
+    /// the new input differs from the stored input, Karat ignores the stored input.
     pub(crate) descent: Descent,
     /// The arguments, as text for people.
     pub(crate) comment: String,

@@ -1,7 +1,7 @@
 //! Asks Tint in Chromium, through the DevTools protocol (CDP) over a pipe. The browser ends when the pipe closes.
 //!
-//! The browser's first page is empty and has no WebGPU. So the browser opens an empty file, and evaluates questions in
-//! the file's page.
+//! The browser's first page is empty and has no WebGPU. So Karat opens an empty HTML file in the browser, and runs its
+//! script in this file's page.
 
 use std::path::Path;
 use std::process::Command;
@@ -19,12 +19,12 @@ const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
     \"$0\" \"$@\" --user-data-dir=\"$d/profile\" \"file://$d/page.html\" 3<&0 4>&1 </dev/null >/dev/null; \
     rm -rf \"$d\"";
 
-/// The time limit for opening the file. On a busy machine, opening takes several seconds.
+/// The time limit for opening the empty HTML file. On a busy machine, opening the file takes several seconds.
 const LOADING: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(20);
 
-/// The script of the page. The script checks texts one after another, because concurrent checks would share the
-/// device's error scopes.
+/// The JavaScript that asks Tint in the browser's page. The script checks texts one after another, because concurrent
+/// checks would share the device's error scopes.
 pub(super) const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
     : Promise.reject('this browser has no WebGPU'); \
     const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \
@@ -90,7 +90,7 @@ impl Page {
         Ok(page)
     }
 
-    /// Waits until the page shows the file. Before that, the page has no WebGPU. Stops waiting after [`LOADING`].
+    /// Waits until the browser's page has WebGPU. Stops waiting after [`LOADING`].
     fn load(&mut self, patience: Duration) -> Result<(), NoVerdict> {
         let until = Instant::now() + LOADING;
         while Instant::now() < until {

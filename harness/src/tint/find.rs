@@ -12,7 +12,7 @@ pub(super) enum Kind {
     Node { node: PathBuf, package: PathBuf },
     /// The program `tint`.
     Program(PathBuf),
-    /// The program of a Chromium.
+    /// The path of Chromium's program.
     Browser(PathBuf),
 }
 

@@ -55,8 +55,8 @@ pub(crate) struct Declared {
     /// The variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
-    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. A table below lists
-    /// the keys of each resource.
+    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. The keys of a
+    /// resource have their own table.
     #[serde(default)]
     after: BTreeMap<String, Expected>,
     /// Asserts that no operation in the passes has a hazard: `true`, or a list of kinds.
@@ -109,7 +109,7 @@ struct Expected {
     table: Option<PathBuf>,
     /// Asserts that the resource has the contents that were accepted as `golden/NAME.csv`.
     golden: Option<String>,
-    /// Asserts that this entry point, in place of the last one, writes the same contents. Karat's engine runs this
+    /// Asserts that the contents are the same if the last pass runs this entry point instead. Karat's engine runs this
     /// entry point with the same number of workgroups.
     agrees_with: Option<String>,
     /// Asserts that the elements are in ascending order (`true`), or in descending order (`"descending"`).

@@ -67,7 +67,7 @@
 //! | `equals = [1, 2]` | the resource has this value; a single number is the value of each component |
 //! | `table = "file.csv"` | the elements equal the rows of the file, whose columns are `x,y,z` or `value` |
 //! | `golden = "name"` | the contents equal the accepted ones in `golden/name.csv` |
-//! | `agrees_with = "entry"` | this entry point, which Karat's engine runs in place of the last one, writes the same contents |
+//! | `agrees_with = "entry"` | the contents are the same if the last pass runs this entry point instead, in Karat's engine |
 //! | `sorted = true` | the elements are in ascending order; with `"descending"`, in descending order |
 //! | `sum_of = "input"` | the numbers have the same sum as those that the buffer `input` contains before the passes |
 //! | `permutation_of = "input"` | the elements are those that the buffer `input` contains before the passes, in any order |
@@ -174,8 +174,8 @@ pub(crate) struct Declared {
     monotone: Option<BTreeMap<String, Direction>>,
     /// Asserts that the result approaches a value: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
     limit: Option<BTreeMap<String, Value>>,
-    /// Asserts the value of the integral over the last argument, which is a direction. A table below lists the keys of
-    /// `integral`.
+    /// Asserts the value of the integral over the last argument, which is a direction. The keys of `integral` have
+    /// their own table.
     integral: Option<Integral>,
     /// Asserts that no operation in the function has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`.
     /// The function must not write storage.
@@ -316,8 +316,8 @@ pub(crate) struct Frame {
     vertex: Option<String>,
     /// The fragment function.
     fragment: Option<String>,
-    /// Several draws, which run in this order. Replaces the keys `vertex` and `fragment`. A table below lists the keys
-    /// of a draw.
+    /// Several draws, which run in this order. Replaces the keys `vertex` and `fragment`. The keys of a draw have
+    /// their own table.
     #[serde(default)]
     draws: Vec<draws::Declared>,
     /// The number of samples of each pixel: 1 or 4.

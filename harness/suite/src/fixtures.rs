@@ -6,11 +6,11 @@
 //! | a texture array, a 3D texture, a cube map | a list of images or colours for its layers, slices or faces; or the value of all texels |
 //! | a cube map of floats | a value from the line above, or one image, `"equirectangular.exr"` |
 //! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; for a comparison sampler `"linear less_equal"` |
-//! | a runtime-sized array | `{ size = 256 }`, whose elements are zeros; `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
+//! | a runtime-sized array | `{ size = 256 }`, whose elements are zeros; `{ size = 256, value = 0 }`, for a buffer that the host clears before the passes; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
 //! | a buffer | a number, a list, or a table of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
-//! If a buffer has a `size` but no `value` or `range`, and a pass reads the buffer before any pass writes it, the last
-//! line of the run counts this check.
+//! In a real program, a buffer that has only a `size` can contain old data. The last line that `karat test` prints has
+//! the number of checks in which a pass reads such a buffer before any pass writes it.
 //!
 //! A depth texture takes its texels from the red channel of an image. A PNG has colours in sRGB. Karat converts them to
 //! linear colours, as textures with an sRGB format do; `"normals.png linear"` prevents that. Depths and integers are
@@ -527,8 +527,8 @@ fn buffer(
     Ok(Buffer::from_bytes(bytes).into())
 }
 
-/// The number of array elements that a list declares. The list has one entry for each element, or one number for each
-/// component of all elements.
+/// The number of array elements that a list declares. For `vec2f`, both `[[1, 2], [3, 4]]` and `[1, 2, 3, 4]` declare
+/// two elements.
 fn listed(element: &Shape, list: &[Value]) -> usize {
     match list.iter().all(is_number) {
         true => list.len().div_ceil(element.lanes().len().max(1)),
@@ -723,7 +723,8 @@ mod tests {
         }
     }
 
-    /// The structure has a counter and a list. Passes that append to a buffer use such structures.
+    /// If a structure ends in an array, a test can set the array's size. Passes that append to a buffer use such
+    /// structures.
     #[test]
     fn the_last_array_of_a_structure_has_a_size() {
         let text = "struct All { count: u32, items: array<vec2f> }
@@ -749,8 +750,7 @@ mod tests {
         }
     }
 
-    /// The sampled elements aren't sorted, even if their range has fewer values than the array has elements. They
-    /// depend on the seed.
+    /// The sampled elements of an array are in random order, and depend on the seed.
     // Lesson 141
     #[test]
     fn ranges_are_drawn_by_their_seed() {

@@ -72,8 +72,8 @@ pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
 
 /// The expected value of a component from a table cell: a finite number, `true` or `false`.
 ///
-/// A decimal that Karat would print for an `f32` means exactly this `f32`. If results must equal the number, each
-/// decimal means the nearest `f32`.
+/// `0.3` means the `f32` that Karat prints as `0.3`. A decimal with more digits is exact. If results must equal the
+/// number, each decimal means the nearest `f32`.
 ///
 /// # Errors
 /// Returns an error if the cell isn't a finite number, or the component can't represent it.

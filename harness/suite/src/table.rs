@@ -165,7 +165,7 @@ fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     (head_of(text) + below).min(text.len())
 }
 
-/// Reads the text below the comments. In a golden, the comments are its provenance.
+/// Makes a CSV reader for the text below the comments. In a golden, the comments are its provenance.
 fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[head_of(text)..])
 }
