@@ -60,7 +60,7 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     assert!(plant(&shifted).contains("pixels are off"));
     let mut one = original.clone();
     one.pixels_mut()[300][2] *= 1.01;
-    assert!(plant(&one).contains("1 of 512 pixels are off by more than rel 1e-3"));
+    assert!(plant(&one).contains("1 of 512 pixels differ by more than rel 1e-3"));
     let mut broken = original.clone();
     broken.pixels_mut()[0][0] = f32::NAN;
     assert!(plant(&broken).contains("the golden itself has 1 pixel with NaN"));

@@ -31,12 +31,10 @@ impl Deviation {
         let relative = power(gate.relative);
         match worst {
             Some(_) => format!(
-                "{outliers} of {pixels} pixels are off by more than rel {relative}, within {bounds}"
+                "{outliers} of {pixels} pixels differ by more than rel {relative}, within {bounds}"
             ),
             None => {
-                format!(
-                    "no pixel is off by more than rel {relative}, but the frame exceeds other bounds"
-                )
+                format!("no pixel differs by more than rel {relative}, but another metric fails")
             }
         }
     }

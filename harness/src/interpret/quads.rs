@@ -31,8 +31,8 @@ impl Quads {
         open: &mut [bool],
         results: impl Fn(&[u32]) -> Result<Vec<u32>, E>,
     ) -> Result<(), E> {
-        /// Factors by which the slopes are multiplied. These factors change the mip level by about a third (log2 of
-        /// 1.25). A driver's mip level may differ from the exact mip level by this amount.
+        /// Factors by which the slopes are multiplied. They move the mip level up or down by about a third of a level
+        /// (log2 of 1.25 is 0.32). A driver's mip level may differ from the exact mip level by this amount.
         const SLOPES: [f32; 2] = [0.8, 1.25];
         let usual = results(rows)?;
         for factor in SLOPES {

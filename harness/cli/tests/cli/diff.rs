@@ -84,7 +84,7 @@ fn the_report_has_the_count_place_and_size_of_differences() {
     let out = diff(&folder, &["a.exr", "hole.exr"]).out;
     for part in [
         "a: a.exr, 48 x 32\nb: hole.exr, 48 x 32\n",
-        "gate: 64 of 1536 pixels are off by more than rel 1e-3, within (0, 0) to (7, 7)\n",
+        "gate: 64 of 1536 pixels differ by more than rel 1e-3, within (0, 0) to (7, 7)\n",
         "  worst: pixel (7, 0) red: 0.01 instead of 0.359375, 972 times the allowed error\n",
         "  pixels that differ at a tolerance of 0.001: 4.167%, 0.01: 4.167%, 0.1: 4.167%, 1: 0.000%\n",
         "HDR-FLIP: largest tile 0.",
@@ -291,7 +291,7 @@ fn images_that_differ_only_in_alpha_differ() {
     let ran = diff(&folder, &["a.exr", "clear.exr", "--heatmap", "flip.png"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     for part in [
-        "gate: 1 of 1536 pixels are off by more than rel 1e-3, within (2, 1) to (2, 1)\n",
+        "gate: 1 of 1536 pixels differ by more than rel 1e-3, within (2, 1) to (2, 1)\n",
         "  worst: pixel (2, 1) alpha: 0.5 instead of 1, 500 times the allowed error\n",
         "HDR-FLIP: alpha differs at (2, 1), and FLIP ignores alpha\n",
         "heatmap: flip.png, errors shown from 0 to 1, without the differences that FLIP ignores\n",

@@ -88,10 +88,7 @@ fn a_pending_frame_keeps_its_verdict() {
     let file = project.folder.path().join("room/ramp.new.exr");
     let Provenance { finding, tolerance, compared_with, .. } = pending_at(&file).provenance;
     let FrameFinding { verdict, margins, base_passes } = finding.expect("it was compared");
-    assert_eq!(
-        verdict,
-        "1 of 2688 pixels are off by more than rel 2e-3, within (3, 30) to (3, 30)"
-    );
+    assert_eq!(verdict, "1 of 2688 pixels differ by more than rel 2e-3, within (3, 30) to (3, 30)");
     assert_eq!(tolerance, "rel 2e-3 and red 0.5");
     assert_eq!(compared_with, ramp().hash());
     let [gate, red] = &*margins else { panic!("{margins:?}") };

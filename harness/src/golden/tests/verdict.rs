@@ -10,7 +10,7 @@ fn a_frame_that_differs_says_what_and_where() {
     let hole: Vec<(u32, u32)> = (8..16).flat_map(|y| (24..32).map(move |x| (x, y))).collect();
     let failed = project.check("vulkan", &with(&hole, 0.25), None, None).expect_err("a hole");
     insta::assert_snapshot!(project.text(&failed), @r#"
-    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 64 of 3072 pixels are off by more than rel 1e-3, within (24, 8) to (31, 15)
+    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 64 of 3072 pixels differ by more than rel 1e-3, within (24, 8) to (31, 15)
       worst: pixel (24, 8) red: 0.09375 instead of 0.375, 750 times what is allowed
       fails  gate rel 1e-3: 750 times what is allowed, at (24, 8)
       fails  largest FLIP tile 0.256 of 0.01, in (24, 0) to (39, 15)
@@ -24,7 +24,7 @@ fn a_frame_that_differs_says_what_and_where() {
     let mask = Mask::except(&[Rect::new(0, 0, 32, 12)]);
     let failed = project.check("vulkan", &with(&hole, 1.02), Some(&strict), Some(&mask));
     insta::assert_snapshot!(project.text(&failed.expect_err("the gate alone")), @r#"
-    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 32 of 2688 pixels are off by more than rel 1e-3, within (24, 12) to (31, 15)
+    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 32 of 2688 pixels differ by more than rel 1e-3, within (24, 12) to (31, 15)
       compared: 87.5% of the frame, and the mask excludes the rest
       worst: pixel (24, 15) blue: 0.6376953 instead of 0.625, 20.3 times what is allowed
       fails  gate rel 1e-3: 20.3 times what is allowed, at (24, 15)
@@ -44,7 +44,7 @@ fn a_frame_that_differs_says_what_and_where() {
     alpha.pixels_mut()[70][3] = 0.5;
     let failed = project.check("gl", &alpha, None, None).expect_err("alpha");
     insta::assert_snapshot!(project.text(&failed), @r#"
-    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 1 of 3072 pixels are off by more than rel 1e-3, within (6, 1) to (6, 1)
+    frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 1 of 3072 pixels differ by more than rel 1e-3, within (6, 1) to (6, 1)
       worst: pixel (6, 1) alpha: 0.5 instead of 1, 500 times what is allowed
       fails  gate rel 1e-3: 500 times what is allowed, at (6, 1)
       fails  largest FLIP tile inf of 0.03 (alpha differs at (6, 1), and FLIP ignores alpha)

@@ -87,7 +87,7 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
     let GateResult { relative, off, bounds, worst, sweep } = gate;
     let allowed = format!("{relative:e}");
     let allowed = allowed.strip_suffix("e0").unwrap_or(&allowed);
-    write!(out, "gate: {off} of {compared} pixels are off by more than rel {allowed}")?;
+    write!(out, "gate: {off} of {compared} pixels differ by more than rel {allowed}")?;
     if let Some(bounds) = bounds {
         write!(out, ", within {bounds}")?;
     }
