@@ -45,8 +45,8 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     let page = format!(
         "# Speed\n\n\
          `cargo ci bench --page` built the measured programs with Cargo's profile `dev`, as `cargo test` does. \
-         Each figure is a median, with the least and\nthe largest measurement in parentheses. Compare only figures of the same run, \
-         because other machines and busy machines give other figures.\n\n\
+         Each figure is a median, with the least and\nthe largest measurement in parentheses. \
+         Compare only figures of the same run, because other machines and busy machines give other figures.\n\n\
          {}\n\n```text\n{}\n```\n",
         machine(),
         measured.trim()
