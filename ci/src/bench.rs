@@ -44,9 +44,9 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     ensure!(child.wait()?.success(), "the benchmark failed: `{PAGE}` is as it was");
     let page = format!(
         "# Speed\n\n\
-         `cargo ci bench --page` built the measured programs in the profile of `cargo test`. Each figure is a median, \
-         with the least and\nthe largest measurement in parentheses. Compare only figures of the same run, \
-         because other machines and busy machines give other figures.\n\n\
+         `cargo ci bench --page` built the measured programs with Cargo's profile `dev`, as `cargo test` does. \
+         Each figure is a median, with the least and\nthe largest measurement in parentheses. \
+         Compare only figures of the same run, because other machines and busy machines give other figures.\n\n\
          {}\n\n```text\n{}\n```\n",
         machine(),
         measured.trim()
