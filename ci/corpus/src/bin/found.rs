@@ -144,8 +144,8 @@ const FOUND: [Found; 9] = [
         function: "smud::sd_ellipse",
         says: "The distance to a circle, an ellipse with equal axes, is NaN: the formula divides by the difference of \
                the squared axes. If the axes are almost equal, the distance is NaN or wrong, too, as a comment in the \
-               shader warns. So a special case for equal axes isn't enough. The change below handles axes that differ by less \
-               than a tenth of the longer axis: four steps approach the point of the ellipse that is nearest to \
+               shader warns. So a special case for equal axes isn't enough. The change below handles axes that differ by \
+               less than a tenth of the longer axis: four steps approach the point of the ellipse that is nearest to \
                `p_in`. Each step replaces the ellipse by its circle of curvature at the current point.",
         check: |package| round_ellipse(package).into(),
         change: [
