@@ -144,8 +144,8 @@ const FOUND: [Found; 9] = [
         function: "smud::sd_ellipse",
         says: "The distance to a circle, an ellipse with equal axes, is NaN: the formula divides by the difference of \
                the squared axes. If the axes are almost equal, the distance is NaN or wrong, too, as a comment in the \
-               shader warns. So a test for `a == b` isn't enough. The change below handles axes that differ by less \
-               than a tenth of the longer axis: four steps approach the point of the ellipse that is nearest to \
+               shader warns. So a special case for equal axes isn't enough. The change below handles axes that differ by \
+               less than a tenth of the longer axis: four steps approach the point of the ellipse that is nearest to \
                `p_in`. Each step replaces the ellipse by its circle of curvature at the current point.",
         check: |package| round_ellipse(package).into(),
         change: [
@@ -471,9 +471,9 @@ fn all(folder: &Path) -> Result<(), String> {
               with the constants from its Rust code, and the compute shaders in eight files of the WebGPU samples. \
               The command found:\n\n\
               - The only race is the fault storage-barrier in the table above.\n\
-              - Three groups of passes use indices outside of arrays: the pass with the fault last-bin (see the table \
-              above); boids and particles of the WebGPU samples, because these shaders don't compare the index with \
-              the length; and the histograms of wgpu_sort, because they rely on a host that rounds buffer sizes up.\n\
+              - Three groups of passes use indices outside of arrays. The pass with the fault last-bin is in the table \
+              above. Boids and particles of the WebGPU samples don't compare the index with the length. The histogram \
+              passes of wgpu_sort need a host that rounds buffer sizes up.\n\
               - `allocate_global_scan` of bevy_pbr reads workgroup memory before the first write. If the host turns \
               off zero initialisation, the pass reads arbitrary values.\n";
     index += DISPATCHED;
