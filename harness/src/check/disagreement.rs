@@ -5,6 +5,7 @@ use std::fmt;
 use super::batch::SEARCHED;
 use crate::diagnostic::Diagnostic;
 use crate::judge::{Census, Judged};
+use crate::output::counted;
 use crate::path::Adapter;
 use crate::probe::Inputs;
 use crate::record::{CaseDetails, Details, ExpectationDetails, PathDetails, Replay};
@@ -469,7 +470,7 @@ impl PathDisagreement {
         let fail = if cases == 1 { "case fails" } else { "cases fail" };
         let mut text = format!("  {failures} of {cases} {fail} ({share:.3}%)");
         if remembered > 0 {
-            text += &format!(", {remembered} of the cases are remembered from earlier failures");
+            text += &format!(", with {} from earlier failures", counted(remembered, "case"));
         }
         if idle > 0 {
             text += &format!(", {idle} cases evaluate no expectation");
